@@ -1,0 +1,337 @@
+"""What every simulated board's firmware does: frames in, one reply each, faults that latch, a dead-man, telemetry.
+
+The model is event driven: ``advance`` runs what is due up to a time, ``handle`` takes bytes at the present one. A subclass
+adds its commands (methods named in ``_commands``), its outputs and its plant.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from firmware_models.options import Option
+from firmware_models.ticks import TickCounter, signed_difference
+from firmware_models.uart import NEVER_NS, Line
+from haptics.link.framing import Deframer, Frame, encode_frame
+from haptics.link.messages import (
+    BY_NAME,
+    BY_TYPE,
+    PROTOCOL_VERSION,
+    TICK_HZ,
+    Board,
+    Fault,
+    State,
+    Status,
+    decode,
+    encode,
+    payload_size,
+    schema_hash,
+)
+from haptics.time import NS_PER_MS
+
+DEAD_MAN_MS = 100
+TELEMETRY_PERIOD_NS = 20 * NS_PER_MS
+TELEMETRY_SHARE = 0.4
+FARTHEST_TICKS = TICK_HZ  # commands may lie one second ahead
+REMEMBERED_REPLIES = 8
+WHOLE_BOARD = 255  # the channel of a fault that has none
+LIVE = (State.SELF_TEST, State.ARMED, State.DRIVING, State.DISCHARGING)
+_TURN_AROUND_NS = (20_000, 60_000)
+_CRYSTAL_PPM = 50.0
+_U16 = 0xFFFF
+
+BOARD_OPTIONS: dict[str, Option] = {
+    "seed": Option(1, "boot id, clock and plant are drawn from it", low=0, high=2**32 - 1, whole=True),
+    "baud": Option(500_000, "what the board's UART is set to", "baud", 300, 4_000_000, whole=True),
+    "ppm": Option(None, f"error of the board's crystal; default drawn within {_CRYSTAL_PPM:g}", "ppm", -1000, 1000),
+    "tick_offset": Option(None, "tick count at power-on; default drawn", "tick", 0, 2**32 - 1, whole=True),
+    "spread": Option(1.0, "how far the plant strays from its nominal parameters; 0: not at all", "", 0, 3),
+}
+
+
+class Refusal(Exception):
+    """A command that is not carried out; becomes its reply."""
+
+    def __init__(self, status: Status, detail: int = 0):
+        self.status, self.detail = status, min(detail, _U16)
+
+
+class FirmwareModel:
+    """Base of the simulated boards.
+
+    :param options: values of ``BOARD_OPTIONS`` and the subclass's own.
+    :param transmitter: line to the host.
+    :param start_ns: world time of power-on.
+    """
+
+    kind: Board
+    channels: int
+    build: bytes
+    telemetry_name: str
+
+    @classmethod
+    def options(cls) -> dict[str, Option]:
+        """URL keys of this board beside ``BOARD_OPTIONS``."""
+        raise NotImplementedError
+
+    @classmethod
+    def built_limits(cls, options: Mapping[str, Any]) -> tuple[int, int, int, int]:
+        """Limits at power-on, in the order of ``identity.limits``; a host may only lower them."""
+        raise NotImplementedError
+
+    def __init__(self, options: Mapping[str, Any], transmitter: Line, start_ns: int):
+        clock_seed, latency_seed, plant_seed = np.random.SeedSequence([options["seed"], self.kind]).spawn(3)
+        clock = np.random.default_rng(clock_seed)
+        offset, ppm = int(clock.integers(2**32)), float(clock.uniform(-_CRYSTAL_PPM, _CRYSTAL_PPM))
+        self.boot_id = int(clock.integers(1, 2**32))
+        self.plant_rng = np.random.default_rng(plant_seed)
+        self._latency_rng = np.random.default_rng(latency_seed)
+        self.ticks = TickCounter(
+            start_ns,
+            offset if options["tick_offset"] is None else options["tick_offset"],
+            round(1000 * (ppm if options["ppm"] is None else options["ppm"])),
+        )
+        self.start_ns = self.now_ns = start_ns
+        self.limits = list(self.built_limits(options))
+        self.state = State.DISARMED
+        self.faults = 0
+        self.late = 0
+        self._line = transmitter
+        self._deframer = Deframer()
+        self._answered: OrderedDict[int, tuple[int, bytes, bytes]] = OrderedDict()
+        self._fed_ns = start_ns
+        self._unsolicited_seq = 0
+        self._telemetry_ns = NEVER_NS
+        self._telemetry_allowed_ns = start_ns
+        self._next_ns = NEVER_NS
+        self._commands: dict[str, Callable[[Any], int]] = {
+            "configure": self._configure,
+            "arm": self._arm,
+            "disarm": self._disarm,
+            "stop": self._stop,
+            "keepalive": lambda message: 0,
+        }
+
+    # What a subclass provides.
+
+    def _next_output_ns(self) -> int:
+        """When an output, a queue or a guard needs attention next, or ``NEVER_NS``."""
+        raise NotImplementedError
+
+    def _run_outputs(self) -> None:
+        """Do what is due at ``now_ns``."""
+        raise NotImplementedError
+
+    def _outputs_off(self) -> None:
+        """Nothing energised, queue empty; at once."""
+        raise NotImplementedError
+
+    def _begin_arming(self) -> None:
+        """Leave ``DISARMED``; raises ``Refusal`` if the board is not fit."""
+        raise NotImplementedError
+
+    def _cause_gone(self, fault: Fault) -> bool:
+        """Whether ``disarm`` may clear this latched fault."""
+        raise NotImplementedError
+
+    def _telemetry(self) -> tuple[Any, ...]:
+        """Values of the telemetry message behind time, state and faults, ahead of late and bad frames."""
+        raise NotImplementedError
+
+    def truth(self) -> dict[str, Any]:
+        """The plant as it is now."""
+        raise NotImplementedError
+
+    def set_load(self, channel: int, **load: float) -> None:
+        """Act on the plant from outside."""
+        raise NotImplementedError
+
+    def energised(self) -> list[int]:
+        """Channels that carry current or dangerous volts now."""
+        raise NotImplementedError
+
+    # Time.
+
+    def next_event(self) -> int:
+        """When this board does something by itself next, or ``NEVER_NS``."""
+        return self._next_ns
+
+    def advance(self, to_ns: int) -> None:
+        """Run everything due up to and including ``to_ns``."""
+        while self._next_ns <= to_ns:
+            self.now_ns = self._next_ns
+            if self._dead_man_ns() <= self.now_ns:
+                self.latch(Fault.DEAD_MAN, WHOLE_BOARD, (self.now_ns - self._fed_ns) // NS_PER_MS)
+            self._run_outputs()
+            if self._telemetry_ns <= self.now_ns:
+                self._send_telemetry()
+            self.replan()
+        self.now_ns = to_ns
+
+    def replan(self) -> None:
+        """Work out the next event afresh."""
+        self._next_ns = min(self._telemetry_ns, self._dead_man_ns(), self._next_output_ns())
+
+    def _dead_man_ns(self) -> int:
+        return self._fed_ns + DEAD_MAN_MS * NS_PER_MS if self.state in LIVE else NEVER_NS
+
+    # Bytes.
+
+    def handle(self, data: bytes) -> None:
+        """Take bytes that have just come in."""
+        for frame in self._deframer.feed(data):
+            self._fed_ns = self.now_ns
+            self._take(frame)
+        self.replan()
+
+    def _take(self, frame: Frame) -> None:
+        message = BY_TYPE.get(frame.type)
+        if message is None or message.sender != "host" or self.kind not in message.boards:
+            self._send(self._reply_to(frame.seq, Status.UNKNOWN, 0))
+        elif len(frame.payload) != payload_size(message.name):
+            self._send(self._reply_to(frame.seq, Status.BAD_LENGTH, payload_size(message.name)))
+        elif message.name == "identify":
+            self._identify(frame.seq)
+        elif message.name == "sync":
+            self._sync(frame.seq, decode("sync", frame.payload).token)
+        else:
+            self._command(frame, message.name)
+
+    def _command(self, frame: Frame, name: str) -> None:
+        """Carry out a command once; a repetition gets the reply of the first time."""
+        known = self._answered.get(frame.seq)
+        if known is not None and known[:2] == (frame.type, frame.payload):
+            self._send(known[2])
+            return
+        try:
+            reply = self._reply_to(frame.seq, Status.OK, self._commands[name](decode(name, frame.payload)))
+        except Refusal as refusal:
+            self.late += refusal.status == Status.LATE
+            reply = self._reply_to(frame.seq, refusal.status, refusal.detail)
+        self._answered.pop(frame.seq, None)
+        self._answered[frame.seq] = (frame.type, frame.payload, reply)
+        if len(self._answered) > REMEMBERED_REPLIES:
+            self._answered.popitem(last=False)
+        self._send(reply)
+
+    def _reply_to(self, seq: int, status: Status, detail: int) -> bytes:
+        payload = encode("reply", status, self.ticks.u32(self.now_ns), detail & _U16)
+        return encode_frame(BY_NAME["reply"].type, seq, payload)
+
+    def _ready_ns(self) -> int:
+        """When an answer to what came in now is ready to go out."""
+        return self.now_ns + int(self._latency_rng.integers(*_TURN_AROUND_NS))
+
+    def _send(self, data: bytes) -> None:
+        self._line.send(data, self._ready_ns())
+
+    def _send_unsolicited(self, name: str, *values: Any) -> int:
+        """Send a message nobody asked for; returns its length."""
+        data = encode_frame(BY_NAME[name].type, self._unsolicited_seq, encode(name, *values))
+        self._unsolicited_seq = (self._unsolicited_seq + 1) % 256
+        self._line.send(data, self.now_ns)
+        return len(data)
+
+    # Answers.
+
+    def _identify(self, seq: int) -> None:
+        """Answer, begin telemetry, and forget old replies: a new host counts its sequence numbers from anywhere."""
+        self._answered.clear()
+        if self._telemetry_ns == NEVER_NS:
+            self._telemetry_ns = self.now_ns + TELEMETRY_PERIOD_NS
+        payload = encode(
+            "identity",
+            PROTOCOL_VERSION,
+            self.kind,
+            self.channels,
+            TICK_HZ,
+            schema_hash(),
+            self.boot_id,
+            self.build,
+            DEAD_MAN_MS,
+            self.limits,
+        )
+        self._send(encode_frame(BY_NAME["identity"].type, seq, payload))
+
+    def _sync(self, seq: int, token: int) -> None:
+        """Stamp the arrival, and the moment at which the line is free for the answer's first bit."""
+        going_ns = max(self._ready_ns(), self._line.busy_until_ns)
+        payload = encode("sync_reply", token, self.ticks.u32(self.now_ns), self.ticks.u32(going_ns))
+        self._line.send(encode_frame(BY_NAME["sync_reply"].type, seq, payload), going_ns)
+
+    def _send_telemetry(self) -> None:
+        """Send if the line is idle and the share keeps; otherwise this one is dropped."""
+        self._telemetry_ns += TELEMETRY_PERIOD_NS
+        if self._line.busy_until_ns > self.now_ns or self._telemetry_allowed_ns > self.now_ns:
+            return
+        head = (self.ticks.u32(self.now_ns), self.state, self.faults)
+        tail = (self.late & _U16, self._deframer.bad_frames & _U16)
+        length = self._send_unsolicited(self.telemetry_name, *head, *self._telemetry(), *tail)
+        self._telemetry_allowed_ns = self.now_ns + int(self._line.duration_ns(length) / TELEMETRY_SHARE)
+
+    # Commands both boards know.
+
+    def _configure(self, message: Any) -> int:
+        if self.state in (State.SELF_TEST, State.ARMED, State.DRIVING):
+            raise Refusal(Status.INTERLOCK, self.faults)
+        for wanted, present in zip(message.limits, self.limits, strict=True):
+            if wanted > present:
+                raise Refusal(Status.BAD_VALUE, 0)
+        self.limits = list(message.limits)
+        return 0
+
+    def _arm(self, message: Any) -> int:
+        if message.boot_id != self.boot_id:
+            raise Refusal(Status.BAD_VALUE, 0)
+        if self.faults:
+            raise Refusal(Status.INTERLOCK, self.faults)
+        if self.state not in (State.SELF_TEST, State.ARMED, State.DRIVING):
+            self._begin_arming()
+        return 0
+
+    def _disarm(self, message: Any) -> int:
+        self._outputs_off()
+        for fault in Fault:
+            if self.faults >> fault & 1 and self._cause_gone(fault):
+                self.faults &= ~(1 << fault)
+        self.state = self._resting_state()
+        return self.faults
+
+    def _stop(self, message: Any) -> int:
+        self._outputs_off()
+        self.state = self._resting_state()
+        return self.faults
+
+    def _resting_state(self) -> State:
+        """Where the board stands once its outputs are off."""
+        return State.FAULT if self.faults else State.DISARMED
+
+    # Shared by the commands.
+
+    def latch(self, fault: Fault, channel: int, value: int) -> None:
+        """Make safe, remember why, and tell a host that has introduced itself."""
+        self._outputs_off()
+        self.faults |= 1 << fault
+        self.state = State.FAULT
+        if self._telemetry_ns != NEVER_NS:
+            self._send_unsolicited("fault", self.ticks.u32(self.now_ns), fault, channel, min(max(value, 0), _U16))
+
+    def _require_armed(self) -> None:
+        if self.state not in (State.ARMED, State.DRIVING):
+            raise Refusal(Status.INTERLOCK, self.faults)
+
+    def _due(self, tick: int) -> int:
+        """Full tick count of a command's u32 time.
+
+        :raises Refusal: the time has passed, or lies more than a second ahead.
+        """
+        present = self.ticks.count(self.now_ns)
+        ahead = signed_difference(tick, present % (1 << 32))
+        if ahead < 0:
+            raise Refusal(Status.LATE, -ahead // 32)
+        if ahead > FARTHEST_TICKS:
+            raise Refusal(Status.FAR, (ahead - FARTHEST_TICKS) // 32)
+        return present + ahead

@@ -1,0 +1,255 @@
+"""``sim://BOARD?key=value``: a serial port whose other end is a simulated board, for pyserial's ``serial_for_url``.
+
+pyserial finds this module by name once "firmware_models" is in ``serial.protocol_handler_packages``. Beyond a serial port
+it offers ``haptics.link.simulated.SimulatedPort``. On the virtual clock a blocking read lets virtual time pass, up to its
+timeout; on the real clock (the default, so that any serial program works) the board catches up whenever it is looked at.
+"""
+
+from __future__ import annotations
+
+import errno
+import time
+from typing import Any
+
+from serial import PortNotOpenError, SerialBase, SerialException
+
+from firmware_models import world as worlds
+from firmware_models.board import BOARD_OPTIONS, FirmwareModel
+from firmware_models.cable import Cable
+from firmware_models.options import Option, parse_options, split_url
+from firmware_models.uart import NEVER_NS, Line
+from haptics.errors import InputError
+from haptics.time import seconds_to_ns
+from haptics.units import one_of
+
+BOARDS = ("tactiles", "brake")
+_CORES = ("py", "c", "avr")
+PORT_OPTIONS: dict[str, Option] = {
+    "world": Option(None, "name of a world that several ports share; default: one of its own"),
+    "clock": Option("real", "who moves time", choices=worlds.CLOCKS),
+    "core": Option("py", "which firmware runs: this package's model, or the C core", choices=_CORES),
+}
+
+
+def board_options(board: str) -> dict[str, Option]:
+    """Every URL key of a board, with default, unit, range and meaning.
+
+    :raises InputError: no such board.
+    """
+    return {**PORT_OPTIONS, **BOARD_OPTIONS, **_model(board).options()}
+
+
+def _model(board: str) -> type[FirmwareModel]:
+    one_of("board", board, BOARDS)
+    if board == "tactiles":  # imported late: the plants are not needed to list or to refuse
+        from firmware_models.tactiles_board import TactilesBoard
+
+        return TactilesBoard
+    from firmware_models.brake_board import BrakeBoard
+
+    return BrakeBoard
+
+
+def make_cable(board: str, options: dict[str, Any], now_ns: int) -> Cable:
+    """A board of that name, powered on at ``now_ns``, at the end of its serial line."""
+    to_host = Line(options["baud"])
+    return Cable(_model(board)(options, to_host, now_ns), to_host, options)
+
+
+class Serial(SerialBase):
+    """A simulated port, opened by URL. Behaves as a pyserial port and as a ``SimulatedPort``."""
+
+    _world: worlds.World
+    _cable: Cable
+
+    def open(self) -> None:
+        """Find or make the board.
+
+        :raises InputError: a bad URL: board, key or value, or other settings than the board already there has.
+        :raises SerialException: the board is open already (``errno`` EBUSY), or no port is set.
+        """
+        if self.port is None:
+            raise SerialException("Port must be configured before it can be used.")
+        if self.is_open:
+            raise SerialException("Port is already open.")
+        board, query = split_url(self.port)
+        name = query.pop("world", None)
+        options = parse_options(query, board_options(board))
+        if options["core"] != "py":
+            raise InputError(f"core = {options['core']!r} is not available in this build; allowed: py")
+        self._world = worlds.enter(name, options["clock"])
+        self._world_name = name
+        try:
+            self._cable = self._attach(board, options)
+        except BaseException:
+            worlds.leave(name, self._world)
+            raise
+        self.is_open = True
+        self._reconfigure_port()
+
+    def _attach(self, board: str, options: dict[str, Any]) -> Cable:
+        world = self._world
+        with world.changed:
+            now_ns = world.catch_up()
+            cable = world.members.get(board)
+            if cable is None:
+                cable = make_cable(board, options, now_ns)
+                world.members[board] = cable
+            if not isinstance(cable, Cable) or cable.attached:
+                raise SerialException(errno.EBUSY, f"{self.port} is open already in this process; close it there first")
+            if cable.options != options:
+                raise InputError(f"port = {self.port!r} asks for other settings than the board in this world was made with")
+            cable.attached = True
+            world.replan()
+            return cable
+
+    def close(self) -> None:
+        """Let go of the board. It lives on in a shared world, till its dead-man stops it or the last port closes."""
+        if not self.is_open:
+            return
+        self.is_open = False
+        with self._world.changed:
+            self._cable.attached = False
+            self._world.changed.notify_all()
+        worlds.leave(self._world_name, self._world)
+
+    def _reconfigure_port(self) -> None:
+        if self.is_open:
+            with self._world.changed:
+                self._cable.set_host_baud(self.baudrate or self._cable.to_host.baud)
+
+    # Bytes.
+
+    def _live(self) -> worlds.World:
+        if not self.is_open:
+            raise PortNotOpenError()
+        return self._world
+
+    def _now(self) -> int:
+        return self._live().catch_up()
+
+    @property
+    def in_waiting(self) -> int:
+        """Bytes that can be read at once."""
+        with self._live().changed:
+            return self._cable.to_host.waiting(self._now())
+
+    @property
+    def out_waiting(self) -> int:
+        """Bytes written that have not reached the board yet."""
+        with self._live().changed:
+            return self._cable.to_board.in_transit(self._now())
+
+    def read(self, size: int = 1) -> bytes:
+        """Up to ``size`` bytes; waits for them until the port's timeout (None: for ever), in the world's own time.
+
+        :raises SerialException: port closed, or a wait without end on a virtual clock.
+        """
+        world = self._live()
+        with world.changed:
+            line = self._cable.to_host
+            now_ns = self._now()
+            deadline_ns = NEVER_NS if self.timeout is None else now_ns + seconds_to_ns(self.timeout)
+            while line.waiting(now_ns) < size and now_ns < deadline_ns:
+                until_ns = min(line.complete_ns(size), world.next_event(), deadline_ns)
+                if until_ns == NEVER_NS and world.virtual:
+                    raise SerialException(f"{self.port}: nothing will ever arrive, and virtual time has no end; set a timeout")
+                world.wait(until_ns)
+                now_ns = self._now()
+            return line.take(size, now_ns)
+
+    def write(self, data: Any, /) -> int:
+        """Hand bytes to the line; they reach the board at the baud rate."""
+        data = bytes(data)
+        with self._live().changed:
+            now_ns = self._now()
+            self._cable.to_board.send(data, now_ns)
+            self._world.replan()
+            self._world.changed.notify_all()
+        return len(data)
+
+    def flush(self) -> None:
+        """Wait until the last byte written has reached the board."""
+        with self._live().changed:
+            while self._cable.to_board.busy_until_ns > self._now():
+                self._world.wait(self._cable.to_board.busy_until_ns)
+
+    def reset_input_buffer(self) -> None:
+        """Forget what has arrived."""
+        with self._live().changed:
+            self._cable.to_host.drop_arrived(self._now())
+
+    def reset_output_buffer(self) -> None:
+        """Forget what has not left."""
+        with self._live().changed:
+            self._cable.to_board.drop_unsent(self._now())
+            self._world.replan()
+
+    # Modem lines: there, and without effect.
+
+    def _update_break_state(self) -> None: ...
+
+    def _update_rts_state(self) -> None: ...
+
+    def _update_dtr_state(self) -> None: ...
+
+    cts = property(lambda self: True)
+    dsr = property(lambda self: True)
+    ri = property(lambda self: False)
+    cd = property(lambda self: True)
+
+    # What only a simulated port has.
+
+    @property
+    def board(self) -> FirmwareModel:
+        """The board itself, for tests that break its plant."""
+        return self._cable.board
+
+    @property
+    def virtual(self) -> bool:
+        """Whether this port's time moves only by ``advance`` and blocking reads."""
+        return self._live().virtual
+
+    @property
+    def now_ns(self) -> int:
+        """The world's time: from 0 on a virtual clock, the machine's monotonic time on the real one."""
+        with self._live().changed:
+            return self._now()
+
+    def advance(self, to_ns: int) -> None:
+        """Carry the whole world to ``to_ns``.
+
+        :raises InputError: ``to_ns`` lies in the past, or ahead of the real clock, which nobody moves.
+        """
+        world = self._live()
+        with world.changed:
+            if not world.virtual and to_ns > time.monotonic_ns():
+                raise InputError(f"to_ns = {to_ns} lies ahead of the real clock; open the port with clock=virtual to move time")
+            if world.virtual:
+                world.advance(to_ns)
+            else:
+                world.catch_up()
+
+    def next_event(self) -> int | None:
+        """When something happens next by itself, or None."""
+        next_ns = self._live().next_event()
+        return None if next_ns == NEVER_NS else next_ns
+
+    def truth(self) -> dict[str, Any]:
+        """The plant as it is now; see the board's own ``truth``."""
+        with self._live().changed:
+            self._cable.advance(self._now())
+            return self._cable.board.truth()
+
+    def set_load(self, channel: int, **load: float) -> None:
+        """Act on the plant from outside; see the board's own ``set_load``."""
+        with self._live().changed:
+            self._cable.advance(self._now())
+            self._cable.board.set_load(channel, **load)
+            self._world.replan()
+
+    def energised(self) -> list[int]:
+        """Channels that carry current or dangerous volts now."""
+        with self._live().changed:
+            self._cable.advance(self._now())
+            return self._cable.board.energised()

@@ -1,0 +1,175 @@
+"""The coil board: fifteen H-bridges that are on for a stated time from a stated tick.
+
+A pulse command is taken whole or refused whole. What may stand in its way, in this order: not armed (interlock); a mask,
+duration or time out of range; no place in the queue (full, detail 0); a pulse already on one of its channels at that time
+(full, detail the mask of those channels); more coils on at once than the current limit allows, each counted at the
+greatest current a coil can draw (full, detail with bit 15 set). So the limit holds by construction, whatever is queued.
+"""
+
+from __future__ import annotations
+
+import math
+from bisect import insort
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+from firmware_models.board import WHOLE_BOARD, FirmwareModel, Refusal
+from firmware_models.options import Option
+from firmware_models.tactiles_plant import PLANT_OPTIONS, RESISTANCE_SPREAD_OHM, Actuators
+from firmware_models.uart import NEVER_NS, Line
+from haptics.link.messages import COIL_CHANNELS, DURATION_UNIT_US, TICKS_PER_US, Board, Fault, State, Status
+from haptics.physics.latch_parameters import LATCH, LONGEST_PULSE_S, NOMINAL_VOLTS
+
+QUEUE_DEPTH = 64
+LEAST_SUPPLY_MV = 3000
+COIL_WORST_MA = math.ceil(1000 * NOMINAL_VOLTS / (LATCH.resistance_ohm - RESISTANCE_SPREAD_OHM))
+TOO_MANY_COILS = 1 << 15
+_ALL_CHANNELS = (1 << COIL_CHANNELS) - 1
+_TICKS_PER_UNIT = DURATION_UNIT_US * TICKS_PER_US
+_LONGEST_PULSE, _COIL_CURRENT, _QUEUE, _LEAST_SUPPLY = range(4)  # the order of identity.limits
+
+
+class Pulse(NamedTuple):
+    """One coil on, from edge to edge; in full tick counts, and in world time for the same edges."""
+
+    start_ns: int
+    end_ns: int
+    start: int
+    end: int
+    channel: int
+    sign: int
+
+
+class TactilesBoard(FirmwareModel):
+    """Firmware of the coil board around its fifteen actuators."""
+
+    kind = Board.TACTILES
+    channels = COIL_CHANNELS
+    build = b"py-tac-1"
+    telemetry_name = "tactiles_telemetry"
+
+    @classmethod
+    def options(cls) -> dict[str, Option]:
+        return {
+            "current_limit_a": Option(12.0, "limit the firmware was built with, all coils together", "A", 0.0, 60.0),
+            **PLANT_OPTIONS,
+        }
+
+    @classmethod
+    def built_limits(cls, options: Mapping[str, Any]) -> tuple[int, int, int, int]:
+        longest = round(LONGEST_PULSE_S * 1e6) // DURATION_UNIT_US
+        return (longest, round(1000 * options["current_limit_a"]), QUEUE_DEPTH, LEAST_SUPPLY_MV)
+
+    def __init__(self, options: Mapping[str, Any], transmitter: Line, start_ns: int):
+        super().__init__(options, transmitter, start_ns)
+        self.plant = Actuators(options, self.plant_rng, start_ns)
+        self._queue: list[Pulse] = []
+        self._on: dict[int, Pulse] = {}
+        self._played = [0] * COIL_CHANNELS
+        self._commands |= {"pulse": self._pulse, "cancel": self._cancel}
+
+    # Commands.
+
+    def _pulse(self, message: Any) -> int:
+        self._require_armed()
+        if message.channels == 0 or message.channels & ~_ALL_CHANNELS:
+            raise Refusal(Status.BAD_VALUE, 1)
+        chosen = [channel for channel in range(COIL_CHANNELS) if message.channels >> channel & 1]
+        if any(not 1 <= message.duration[channel] <= self.limits[_LONGEST_PULSE] for channel in chosen):
+            raise Refusal(Status.BAD_VALUE, 3)
+        start = self._due(message.time)
+        if len(self._queue) + len(chosen) > self.limits[_QUEUE]:
+            raise Refusal(Status.FULL)
+        pulses: list[Pulse] = []
+        for channel in chosen:
+            end = start + message.duration[channel] * _TICKS_PER_UNIT
+            sign = 1 if message.toward_skin >> channel & 1 else -1
+            pulses.append(Pulse(self.ticks.time_ns(start), self.ticks.time_ns(end), start, end, channel, sign))
+        self._check_room(pulses)
+        for pulse in pulses:
+            insort(self._queue, pulse)
+        return 0
+
+    def _check_room(self, wanted: list[Pulse]) -> None:
+        """Refuse what overlaps on a channel, or makes the worst concurrent current exceed the limit."""
+        present = [*self._on.values(), *self._queue]
+        blocked = 0
+        for pulse in wanted:
+            for other in present:
+                if other.channel == pulse.channel and other.start < pulse.end and pulse.start < other.end:
+                    blocked |= 1 << pulse.channel
+        if blocked:
+            raise Refusal(Status.FULL, blocked)
+        together = [*present, *wanted]
+        first, last = wanted[0].start, max(pulse.end for pulse in wanted)
+        for edge in {first} | {pulse.start for pulse in present if first < pulse.start < last}:  # current peaks at a start
+            coils = sum(pulse.start <= edge < pulse.end for pulse in together)
+            if coils * COIL_WORST_MA > self.limits[_COIL_CURRENT]:
+                raise Refusal(Status.FULL, TOO_MANY_COILS)
+
+    def _cancel(self, message: Any) -> int:
+        kept = [pulse for pulse in self._queue if not message.channels >> pulse.channel & 1]
+        forgotten = len(self._queue) - len(kept)
+        self._queue = kept
+        return forgotten
+
+    def _begin_arming(self) -> None:
+        if self._supply_low():
+            raise Refusal(Status.INTERLOCK, 1 << Fault.SUPPLY)
+        self.state = State.ARMED
+
+    # Outputs.
+
+    def _next_output_ns(self) -> int:
+        begins = self._queue[0].start_ns if self._queue else NEVER_NS
+        return min(begins, min((pulse.end_ns for pulse in self._on.values()), default=NEVER_NS))
+
+    def _run_outputs(self) -> None:
+        changes: dict[int, int] = {}
+        for pulse in list(self._on.values()):
+            if pulse.end_ns <= self.now_ns:
+                changes[pulse.channel] = 0
+                del self._on[pulse.channel]
+        while self._queue and self._queue[0].start_ns <= self.now_ns:
+            pulse = self._queue.pop(0)
+            changes[pulse.channel] = pulse.sign
+            self._on[pulse.channel] = pulse
+            self._played[pulse.channel] = (self._played[pulse.channel] + 1) & 0xFFFF
+        if changes:
+            self.plant.switch(changes, self.now_ns)
+            if self._on and self._supply_low():
+                self.latch(Fault.SUPPLY, WHOLE_BOARD, self._supply_mv())
+
+    def _outputs_off(self) -> None:
+        self._queue.clear()
+        if self._on:
+            self.plant.switch(dict.fromkeys(self._on, 0), self.now_ns)
+            self._on.clear()
+
+    def _supply_mv(self) -> int:
+        return round(1000 * self.plant.volts)
+
+    def _supply_low(self) -> bool:
+        return self._supply_mv() < self.limits[_LEAST_SUPPLY]
+
+    def _cause_gone(self, fault: Fault) -> bool:
+        return fault != Fault.SUPPLY or not self._supply_low()
+
+    def _telemetry(self) -> tuple[Any, ...]:
+        milliamps = min(round(1000 * self.plant.current_a(self.now_ns)), 0xFFFF)
+        return (self._played, self._supply_mv(), milliamps, len(self._queue))
+
+    # Seen from outside.
+
+    def truth(self) -> dict[str, Any]:
+        """Lists over channels: ``rise_k, position_m, latched, energy_j, switches, coils_on``; ``time_ns``, ``supply_v``,
+        ``state``; ``events`` since the last call as ``(time_ns, channel, kind, speed_m_s)``.
+        """
+        return {**self.plant.truth(self.now_ns), "state": self.state}
+
+    def set_load(self, channel: int, **load: float) -> None:
+        """``stiffness_n_m`` and ``at_m``: a skin in the pin's way."""
+        self.plant.load(channel, self.now_ns, **load)
+
+    def energised(self) -> list[int]:
+        return sorted(self._on)

@@ -1,0 +1,149 @@
+"""Fifteen actuators on one supply: motion, heat and sag, each actuator a little different from the next.
+
+Heat follows what the coil really took from the supply. The supply's resistance is shared, so that coils which are on
+together see less: ``V = V0 / (1 + Rs * sum(1/R))`` over the coils that are on (their motion's back-voltage left out).
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from firmware_models.options import Option
+from haptics.errors import InputError
+from haptics.link.messages import COIL_CHANNELS
+from haptics.physics.latch import LEVELS, latch_plant
+from haptics.physics.latch_parameters import LATCH, NOMINAL_VOLTS
+from haptics.physics.parameters import provenance
+from haptics.physics.thermal import THERMAL, relax
+from haptics.units import in_range
+
+RESISTANCE_SPREAD_OHM = 0.1
+"""Half-width of the coils' resistance (thesis 3.4.3)."""
+_EVENTS_KEPT = 1 << 16
+_THERMAL_ROWS = [row for row in provenance(THERMAL) if "sd" not in row.name.split("_")]
+
+PLANT_OPTIONS: dict[str, Option] = {
+    "level": Option("dynamic", "model of the latch", choices=tuple(LEVELS)),
+    "supply_v": Option(NOMINAL_VOLTS, "coil supply without load", "V", 0.0, NOMINAL_VOLTS),
+    "supply_ohm": Option(0.0, "resistance all coils share", "ohm", 0.0, 10.0),
+    **{
+        row.name: Option(None, f"every actuator has this; default {row.value:g}", row.unit, row.low, row.high)
+        for row in (*provenance(LATCH), *_THERMAL_ROWS)
+    },
+}
+
+
+class Actuators:
+    """Plants of all channels. Times are world nanoseconds and never go back.
+
+    :param options: values of ``PLANT_OPTIONS`` and ``spread``: coil resistance, tau and c are drawn uniformly within
+        ``spread`` times what the thesis states for their uncertainty (3.4.3, 3.5.2); a parameter that was given is exact.
+    """
+
+    def __init__(self, options: Mapping[str, Any], rng: np.random.Generator, start_ns: int):
+        given = {row.name: options[row.name] for row in provenance(LATCH) if options[row.name] is not None}
+        heat = {row.name: options[row.name] for row in _THERMAL_ROWS if options[row.name] is not None}
+        draws = rng.uniform(-1.0, 1.0, (COIL_CHANNELS, 3)) * options["spread"]
+        around = {
+            "resistance_ohm": LATCH.resistance_ohm + RESISTANCE_SPREAD_OHM * draws[:, 0],
+            "tau_s": THERMAL.tau_s + THERMAL.tau_sd_s * draws[:, 1],
+            "c_k_per_w": THERMAL.c_k_per_w + THERMAL.c_sd_k_per_w * draws[:, 2],
+        }
+        self.latches = [
+            LATCH.with_values(**{"resistance_ohm": float(around["resistance_ohm"][channel]), **given})
+            for channel in range(COIL_CHANNELS)
+        ]
+        self.thermals = [
+            THERMAL.with_values(**{name: float(around[name][channel]) for name in ("tau_s", "c_k_per_w")} | heat)
+            for channel in range(COIL_CHANNELS)
+        ]
+        self.supply_volts = options["supply_v"]
+        self.supply_ohm = options["supply_ohm"]
+        self.rise_k = [0.0] * COIL_CHANNELS
+        self.switches = [0] * COIL_CHANNELS
+        self.events: deque[tuple[int, int, str, float]] = deque(maxlen=_EVENTS_KEPT)
+        self._plants = [latch_plant(options["level"], parameters) for parameters in self.latches]
+        self._start_ns = start_ns
+        self._settled_ns = [start_ns] * COIL_CHANNELS
+        self._counted_j = [0.0] * COIL_CHANNELS
+        self._last_stop = ["reached_off"] * COIL_CHANNELS
+        self._signs = [0] * COIL_CHANNELS
+
+    @property
+    def volts(self) -> float:
+        """At the coils' terminals, with what is on now."""
+        siemens = sum(1.0 / latch.resistance_ohm for latch, sign in zip(self.latches, self._signs, strict=True) if sign)
+        return self.supply_volts / (1.0 + self.supply_ohm * siemens)
+
+    def current_a(self, now_ns: int) -> float:
+        """What all coils draw."""
+        total = 0.0
+        for channel, sign in enumerate(self._signs):
+            if sign:
+                self._settle(channel, now_ns)
+                total += abs(self._plants[channel].current_a)
+        return total
+
+    def switch(self, changes: Mapping[int, int], now_ns: int) -> None:
+        """Put coils on toward the skin (1), back (-1), or off (0); the others feel it through the supply."""
+        for channel, sign in changes.items():
+            self._signs[channel] = sign
+        volts = self.volts
+        for channel, sign in enumerate(self._signs):
+            if channel in changes or (sign and self.supply_ohm > 0.0):
+                self._settle(channel, now_ns)
+                self._plants[channel].rise_k = self.rise_k[channel]
+                self._plants[channel].drive((now_ns - self._start_ns) / 1e9, sign * volts)
+
+    def load(self, channel: int, now_ns: int, **load: float) -> None:
+        """A skin under the pin: ``stiffness_n_m`` (0: none) from ``at_m`` of travel on.
+
+        :raises InputError: no such channel, or another key.
+        """
+        in_range("channel", channel, 0, COIL_CHANNELS - 1)
+        unknown = set(load) - {"stiffness_n_m", "at_m"}
+        if unknown:
+            raise InputError(f"load {', '.join(sorted(unknown))} is unknown to an actuator; allowed: stiffness_n_m, at_m")
+        self._settle(channel, now_ns)
+        at_m = load.get("at_m", self.latches[channel].skin_at_m)
+        self._plants[channel].load_skin((now_ns - self._start_ns) / 1e9, load.get("stiffness_n_m", 0.0), at_m)
+
+    def truth(self, now_ns: int) -> dict[str, Any]:
+        """All channels as they are now; ``events`` are those since the last call."""
+        for channel in range(COIL_CHANNELS):
+            self._settle(channel, now_ns)
+        events, self.events = sorted(self.events), deque(maxlen=_EVENTS_KEPT)
+        return {
+            "time_ns": now_ns,
+            "rise_k": list(self.rise_k),
+            "position_m": [plant.position_m for plant in self._plants],
+            "latched": [plant.latched for plant in self._plants],
+            "energy_j": [plant.energy_j for plant in self._plants],
+            "switches": list(self.switches),
+            "coils_on": [sign != 0 for sign in self._signs],
+            "supply_v": self.volts,
+            "events": events,
+        }
+
+    def _settle(self, channel: int, now_ns: int) -> None:
+        """Carry one actuator to now, and let what it took warm it."""
+        elapsed_ns = now_ns - self._settled_ns[channel]
+        if elapsed_ns == 0:
+            return
+        plant = self._plants[channel]
+        plant.advance((now_ns - self._start_ns) / 1e9)
+        self._settled_ns[channel] = now_ns
+        taken_j = max(plant.energy_j - self._counted_j[channel], 0.0)
+        self._counted_j[channel] = max(plant.energy_j, self._counted_j[channel])
+        elapsed_s = elapsed_ns / 1e9
+        self.rise_k[channel] = relax(self.rise_k[channel], taken_j / elapsed_s, elapsed_s, self.thermals[channel])
+        for event in plant.take_events():
+            time_ns = self._start_ns + round(event.time_s * 1e9)
+            self.events.append((time_ns, channel, event.kind, event.speed_m_s))
+            if event.kind != "left_skin" and event.kind != self._last_stop[channel]:
+                self._last_stop[channel] = event.kind
+                self.switches[channel] += 1

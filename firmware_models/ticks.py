@@ -1,0 +1,45 @@
+"""A board's own clock: u32 ticks at 2 MHz nominal, which began somewhere and runs a little fast or slow.
+
+``tick(t) = offset + floor((t - t0) * 2 MHz * (1 + drift))``, in whole numbers throughout, so that a time stamp names one
+edge and nothing else.
+"""
+
+from __future__ import annotations
+
+from haptics.link.messages import TICK_HZ
+
+_WRAP = 1 << 32
+_HALF = 1 << 31
+_PPB = 1_000_000_000
+_NS_PER_TICK_SCALE = 1_000_000_000 * _PPB // TICK_HZ
+
+
+def signed_difference(a: int, b: int) -> int:
+    """``a - b`` of two u32 tick counts, as the nearer of the two ways round."""
+    return ((a - b + _HALF) % _WRAP) - _HALF
+
+
+class TickCounter:
+    """World time to ticks and back.
+
+    :param start_ns: world time at power-on.
+    :param offset: count at power-on (u32).
+    :param drift_ppb: how much faster than nominal the board's crystal runs, parts in 1e9.
+    """
+
+    def __init__(self, start_ns: int, offset: int, drift_ppb: int):
+        self._start_ns = start_ns
+        self._offset = offset
+        self._rate = _PPB + drift_ppb
+
+    def count(self, time_ns: int) -> int:
+        """Ticks since ever, not wrapped."""
+        return self._offset + (time_ns - self._start_ns) * self._rate // _NS_PER_TICK_SCALE
+
+    def u32(self, time_ns: int) -> int:
+        """The count as it is sent."""
+        return self.count(time_ns) % _WRAP
+
+    def time_ns(self, count: int) -> int:
+        """First nanosecond at which the counter shows ``count``."""
+        return self._start_ns - (-(count - self._offset) * _NS_PER_TICK_SCALE // self._rate)

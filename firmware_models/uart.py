@@ -1,0 +1,162 @@
+"""One direction of a serial line: ten bits a byte at the configured baud, first in, first out, exact to the nanosecond.
+
+A burst is kept as its start and its bytes, cut behind each frame delimiter: readers ask for what has arrived, and the
+simulation wakes up once a frame instead of once a byte.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, replace
+
+from haptics.link.framing import DELIMITER
+
+NEVER_NS = 1 << 62
+BITS_PER_BYTE = 10
+BAUD_TOLERANCE = 0.03  # a receiver that samples mid-bit still reads the tenth bit right
+_BITS_NS = BITS_PER_BYTE * 1_000_000_000
+
+
+@dataclass(slots=True)
+class _Chunk:
+    """Bytes ``first`` onwards of a burst which began at ``origin_ns``; ``taken`` of them are already read."""
+
+    origin_ns: int
+    first: int
+    baud: int
+    data: bytes
+    end_ns: int
+    taken: int = 0
+
+    def arrived(self, now_ns: int) -> int:
+        """Bytes of this chunk whose stop bit has passed, those taken included."""
+        if now_ns >= self.end_ns:
+            return len(self.data)
+        # byte k of the burst (from 1) is there at origin + k * _BITS_NS // baud
+        sent = ((now_ns - self.origin_ns + 1) * self.baud - 1) // _BITS_NS - self.first
+        return min(max(sent, self.taken), len(self.data))
+
+    def arrival_ns(self, count: int) -> int:
+        """Time at which ``count`` bytes of this chunk are there."""
+        return self.origin_ns + (self.first + count) * _BITS_NS // self.baud
+
+
+class Line:
+    """Bytes on their way from one end to the other.
+
+    :param baud: bits a second of the sender.
+    :param capacity: bytes that may wait unread; what comes on top is lost and counted in ``lost``, as in any driver.
+    """
+
+    def __init__(self, baud: int, capacity: int = 1 << 16):
+        self.baud = baud
+        self.garbled = False  # sender and receiver disagree about the baud
+        self.busy_until_ns = -NEVER_NS
+        self.lost = 0
+        self._capacity = capacity
+        self._pending = 0
+        self._chunks: deque[_Chunk] = deque()
+
+    def duration_ns(self, count: int) -> int:
+        """Time that ``count`` bytes take."""
+        return count * _BITS_NS // self.baud
+
+    def send(self, data: bytes, earliest_ns: int) -> int:
+        """Queue ``data`` behind what is under way; returns when its first bit goes out."""
+        start_ns = max(earliest_ns, self.busy_until_ns)
+        self.busy_until_ns = start_ns + self.duration_ns(len(data))
+        if self._pending + len(data) > self._capacity:
+            self.lost += len(data)
+            return start_ns
+        if self.garbled:
+            data = _misread(data)
+        self._pending += len(data)
+        first = 0
+        while first < len(data):
+            cut = data.find(DELIMITER, first) + 1 or len(data)
+            end_ns = start_ns + cut * _BITS_NS // self.baud
+            self._chunks.append(_Chunk(start_ns, first, self.baud, data[first:cut], end_ns))
+            first = cut
+        return start_ns
+
+    def first_end_ns(self) -> int:
+        """When the first chunk is complete, or ``NEVER_NS``."""
+        return self._chunks[0].end_ns if self._chunks else NEVER_NS
+
+    def next_after(self, now_ns: int) -> int:
+        """When the first chunk that is not complete at ``now_ns`` will be, or ``NEVER_NS``."""
+        for chunk in self._chunks:
+            if chunk.end_ns > now_ns:
+                return chunk.end_ns
+        return NEVER_NS
+
+    def complete_ns(self, count: int) -> int:
+        """When ``count`` unread bytes will have arrived, or ``NEVER_NS`` if fewer are under way."""
+        for chunk in self._chunks:
+            here = len(chunk.data) - chunk.taken
+            if count <= here:
+                return chunk.arrival_ns(chunk.taken + count)
+            count -= here
+        return NEVER_NS
+
+    def waiting(self, now_ns: int) -> int:
+        """Bytes arrived and not yet read."""
+        total = 0
+        for chunk in self._chunks:
+            here = chunk.arrived(now_ns) - chunk.taken
+            total += here
+            if chunk.end_ns > now_ns:
+                break
+        return total
+
+    def take(self, size: int, now_ns: int) -> bytes:
+        """Up to ``size`` of the bytes that have arrived."""
+        parts: list[bytes] = []
+        while size > 0 and self._chunks:
+            chunk = self._chunks[0]
+            upto = min(chunk.arrived(now_ns), chunk.taken + size)
+            if upto == chunk.taken:
+                break
+            parts.append(chunk.data[chunk.taken : upto])
+            size -= upto - chunk.taken
+            self._pending -= upto - chunk.taken
+            chunk.taken = upto
+            if upto < len(chunk.data):
+                break
+            self._chunks.popleft()
+        return b"".join(parts)
+
+    def take_chunk(self) -> bytes:
+        """The whole first chunk; for a receiver that waited for ``first_end_ns``."""
+        chunk = self._chunks.popleft()
+        self._pending -= len(chunk.data) - chunk.taken
+        return chunk.data[chunk.taken :]
+
+    def in_transit(self, now_ns: int) -> int:
+        """Bytes that have not arrived yet."""
+        return self._pending - self.waiting(now_ns)
+
+    def drop_arrived(self, now_ns: int) -> None:
+        """Forget what has arrived and was not read."""
+        self.take(self._pending, now_ns)
+
+    def drop_unsent(self, now_ns: int) -> None:
+        """Forget what has not left yet; a byte whose start bit is out goes through."""
+        kept: deque[_Chunk] = deque()
+        for chunk in self._chunks:
+            begun = min(chunk.arrived(now_ns - 1 + self.duration_ns(1)), len(chunk.data))
+            if begun > chunk.taken:
+                kept.append(replace(chunk, data=chunk.data[:begun], end_ns=chunk.arrival_ns(begun)))
+        self._chunks = kept
+        self._pending = sum(len(chunk.data) - chunk.taken for chunk in kept)
+        self.busy_until_ns = kept[-1].end_ns if kept else now_ns
+
+
+def bauds_agree(a: int, b: int) -> bool:
+    """Whether a receiver at ``b`` reads a sender at ``a``."""
+    return abs(a - b) <= BAUD_TOLERANCE * b
+
+
+def _misread(data: bytes) -> bytes:
+    """What a receiver at another baud makes of ``data``: as many bytes here, and none of them right by design."""
+    return bytes((byte * 197 + 91) & 0xFF for byte in data)

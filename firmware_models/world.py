@@ -1,0 +1,115 @@
+"""Simulated worlds: a clock and what stands in it.
+
+A world on a virtual clock moves when somebody advances one of its ports; a world on the real clock catches up with the
+machine's monotonic clock whenever somebody looks. Ports that name the same world share it; the last one to close takes
+it away.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from typing import Protocol
+
+from firmware_models.uart import NEVER_NS
+from haptics.errors import InputError
+
+CLOCKS = ("real", "virtual")
+
+
+class Member(Protocol):
+    """Something that lives in a world."""
+
+    def next_event(self) -> int:
+        """When something happens next by itself, strictly after the last ``advance``; ``NEVER_NS`` if nothing will."""
+        ...
+
+    def advance(self, to_ns: int) -> None: ...
+
+
+class World:
+    """Members under one clock, advanced in the order of their events.
+
+    :param clock: "virtual" starts at 0 ns; "real" is the machine's monotonic clock itself.
+    """
+
+    def __init__(self, clock: str):
+        self.clock = clock
+        self.members: dict[str, Member] = {}
+        self.open_ports = 0
+        self.changed = threading.Condition(threading.RLock())
+        self.now_ns = time.monotonic_ns() if clock == "real" else 0
+        self._next_ns = NEVER_NS
+
+    @property
+    def virtual(self) -> bool:
+        return self.clock == "virtual"
+
+    def replan(self) -> None:
+        """Look again for the next event; to be called when a member was handed something from outside."""
+        self._next_ns = min((member.next_event() for member in self.members.values()), default=NEVER_NS)
+
+    def next_event(self) -> int:
+        """When the next thing happens in this world, or ``NEVER_NS``."""
+        return self._next_ns
+
+    def advance(self, to_ns: int) -> None:
+        """Carry every member to ``to_ns``.
+
+        :raises InputError: ``to_ns`` lies in the past.
+        """
+        if to_ns < self._next_ns:
+            if to_ns < self.now_ns:
+                raise InputError(f"to_ns = {to_ns} lies before this world's {self.now_ns}; time only moves forward")
+            self.now_ns = to_ns
+            return
+        while self._next_ns <= to_ns:
+            at_ns = self._next_ns
+            for member in self.members.values():
+                member.advance(at_ns)
+            self.now_ns = at_ns
+            self.replan()
+        self.now_ns = to_ns
+
+    def catch_up(self) -> int:
+        """Bring a world on the real clock to now; returns the world's time."""
+        if self.clock == "real":
+            self.advance(max(time.monotonic_ns(), self.now_ns))
+        return self.now_ns
+
+    def wait(self, until_ns: int) -> None:
+        """Let time pass until ``until_ns``, or on the real clock until something was changed from outside."""
+        if self.virtual:
+            self.advance(until_ns)
+        else:
+            self.changed.wait(max(until_ns - time.monotonic_ns(), 0) / 1e9)
+            self.catch_up()
+
+
+_named: dict[str, World] = {}
+_named_lock = threading.Lock()
+
+
+def enter(name: str | None, clock: str) -> World:
+    """The world of that name, made if need be; without a name, one of its own. Pair with ``leave``.
+
+    :raises InputError: the world exists and runs on the other clock.
+    """
+    with _named_lock:
+        world = _named.get(name) if name else None
+        if world is None:
+            world = World(clock)
+            if name:
+                _named[name] = world
+        if world.clock != clock:
+            raise InputError(f"clock = {clock!r} is not allowed in world {name!r}, which runs already; allowed: {world.clock}")
+        world.open_ports += 1
+        return world
+
+
+def leave(name: str | None, world: World) -> None:
+    """Give the world back; the last port to leave takes it away."""
+    with _named_lock:
+        world.open_ports -= 1
+        if name and world.open_ports == 0:
+            _named.pop(name, None)

@@ -1,0 +1,47 @@
+"""Wearable haptics, from a VR scene to volts on a wrist and back.
+
+The names below are the public face; each is imported when first used, so that ``import haptics`` stays quick.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+__version__ = "0.1.0"
+
+_FACE = {
+    "open": "haptics.session.glove",
+    "Glove": "haptics.session.glove",
+    "Session": "haptics.session.session",
+    "load_configuration": "haptics.session.configuration",
+    "load_scene": "haptics.scene",
+    "shipped_scenes": "haptics.scene",
+    "load_hand": "haptics.scene.recordings",
+    "HandFrame": "haptics.scene.hand",
+    "HapticsError": "haptics.errors",
+    "InputError": "haptics.errors",
+    "LimitError": "haptics.errors",
+    "LinkError": "haptics.errors",
+}
+
+__all__ = ["__version__", *_FACE]  # pyright: ignore[reportUnsupportedDunderAll]
+
+if TYPE_CHECKING:
+    from haptics.errors import HapticsError, InputError, LimitError, LinkError
+    from haptics.scene import load_scene, shipped_scenes
+    from haptics.scene.hand import HandFrame
+    from haptics.scene.recordings import load_hand
+    from haptics.session.configuration import load_configuration
+    from haptics.session.glove import Glove, open
+    from haptics.session.session import Session
+
+
+def __getattr__(name: str) -> Any:
+    if name in _FACE:
+        return getattr(importlib.import_module(_FACE[name]), name)
+    raise AttributeError(f"module 'haptics' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -1,0 +1,39 @@
+"""``haptics config``: check a configuration file, or print the schema it must follow."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from haptics.cli.show import print_json
+
+app = typer.Typer(help="The glove's configuration file.", no_args_is_help=True)
+
+
+@app.command("check")
+def check(
+    path: Annotated[Path, typer.Argument(help="glove.toml")],
+    json: Annotated[bool, typer.Option("--json", help="print one JSON object")] = False,
+) -> None:
+    """Check a configuration file and print what it amounts to, defaults filled in."""
+    from haptics.session.configuration import load_configuration
+
+    configuration = load_configuration(path)
+    if json:
+        print_json({"path": str(path), "valid": True, "configuration": configuration.model_dump(mode="json")})
+        return
+    print(f"{path}: valid")
+    print(f"  hand      {configuration.side}, tracker latency {configuration.tracker_latency_s * 1e3:g} ms")
+    tactiles, brake = configuration.tactiles, configuration.brake
+    print(f"  tactiles  {tactiles.port}, {len(tactiles.sites)} sites, {tactiles.rise_limit_k:g} K, {tactiles.current_limit_a:g} A")
+    print(f"  brake     {brake.port}, {', '.join(brake.channels)}, {brake.amplitude_v:g} V at {brake.frequency_hz:g} Hz")
+
+
+@app.command("schema")
+def schema() -> None:
+    """Print the JSON schema of the configuration."""
+    from haptics.session.configuration import Configuration
+
+    print_json(Configuration.model_json_schema())

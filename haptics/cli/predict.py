@@ -1,0 +1,107 @@
+"""``haptics predict``: a bench person's calculator, with uncertainty and validity.
+
+Outside the range where a figure was measured or stated the answer says ``valid: false`` with reasons and exits 0; nonsense
+exits 2.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+import typer
+
+from haptics.cli.show import plain, print_json, print_pairs
+
+app = typer.Typer(help="Calculators for heat, latch and brake.", no_args_is_help=True)
+Json = Annotated[bool, typer.Option("--json", help="print one JSON object")]
+
+
+@app.command("thermal")
+def thermal(
+    rate_per_min: Annotated[float | None, typer.Option(help="switches a minute")] = None,
+    pulse_ms: Annotated[float, typer.Option(help="coil time of one switch, ms")] = 10.0,
+    limit_k: Annotated[float | None, typer.Option(help="limit of the temperature rise, K")] = None,
+    minutes: Annotated[float | None, typer.Option(help="look at this long from cold, not for ever")] = None,
+    burst_ms: Annotated[float | None, typer.Option(help="length of a burst, ms, instead of single switches")] = None,
+    burst_hz: Annotated[float, typer.Option(help="cycles a second within a burst, Hz")] = 200.0,
+    every_s: Annotated[float | None, typer.Option(help="time from burst to burst, s")] = None,
+    json: Json = False,
+) -> None:
+    """Temperature rise of one actuator under a regular train of switches or bursts (thesis 3.5.2)."""
+    from haptics.physics.thermal_trains import predict_thermal
+
+    prediction = predict_thermal(
+        rate_per_min,
+        pulse_s=pulse_ms / 1e3,
+        limit_k=limit_k,
+        minutes=minutes,
+        burst_s=None if burst_ms is None else burst_ms / 1e3,
+        burst_hz=burst_hz,
+        every_s=every_s,
+    )
+    _answer("heat of one actuator", plain(prediction), json)
+
+
+@app.command("latch")
+def latch(
+    pulse_ms: Annotated[float, typer.Option(help="pulse length, ms")] = 10.0,
+    volts: Annotated[float, typer.Option(help="volts at the coil")] = 5.0,
+    direction: Annotated[str, typer.Option(help="off-on (toward the skin) or on-off")] = "off-on",
+    rise_k: Annotated[float, typer.Option(help="coil's rise above the room, K")] = 0.0,
+    level: Annotated[str, typer.Option(help="model level: event or dynamic")] = "dynamic",
+    json: Json = False,
+) -> None:
+    """What one pulse does to an actuator: does it switch, when does the pin arrive, what does it cost (thesis 3.4.3, 3.4.5)."""
+    from haptics.physics.latch import switch
+
+    outcome = plain(switch(pulse_ms / 1e3, volts, direction, rise_k, level))
+    arrival_s = outcome.pop("arrival_s")
+    least_s = outcome.pop("least_pulse_s")
+    answer = {
+        "switched": outcome.pop("switched"),
+        "arrival_ms": None if arrival_s is None else arrival_s * 1e3,
+        "impact_m_s": outcome.pop("impact_m_s"),
+        "energy_j": outcome.pop("energy_j"),
+        "least_pulse_ms": None if least_s is None else least_s * 1e3,
+        **outcome,
+    }
+    _answer("one pulse", answer, json)
+
+
+@app.command("brake")
+def brake(
+    volts: Annotated[float | None, typer.Option(help="amplitude, V")] = None,
+    force_n: Annotated[float | None, typer.Option(help="or the force wanted, N; answers the volts")] = None,
+    finger: Annotated[str, typer.Option(help="whose fit: index or thumb")] = "index",
+    strips: Annotated[int, typer.Option(help="stacked pairs of strips")] = 1,
+    overlap_cm2: Annotated[float, typer.Option(help="overlap, cm²")] = 11.0,
+    thickness_um: Annotated[float, typer.Option(help="dielectric, µm")] = 13.0,
+    hz: Annotated[float, typer.Option(help="frequency of the bipolar square wave, Hz")] = 20.0,
+    law: Annotated[str, typer.Option(help="force law: threshold, ideal or closing_gap")] = "threshold",
+    json: Json = False,
+) -> None:
+    """Force, charge, power and response of an electrostatic brake (thesis 4.4, 4.7)."""
+    from haptics.errors import InputError
+    from haptics.physics.brake_predict import predict_brake, predict_volts
+
+    if (volts is None) == (force_n is None):
+        raise InputError(f"volts = {volts}, force_n = {force_n}; allowed: exactly one of --volts and --force-n")
+    geometry: dict[str, Any] = {
+        "finger": finger,
+        "strips": strips,
+        "overlap_m2": overlap_cm2 * 1e-4,
+        "thickness_m": thickness_um * 1e-6,
+        "frequency_hz": hz,
+        "law": law,
+    }
+    prediction = predict_brake(volts, **geometry) if volts is not None else predict_volts(force_n or 0.0, **geometry)
+    _answer("electrostatic brake", plain(prediction), json)
+
+
+def _answer(title: str, answer: dict[str, Any], json: bool) -> None:
+    if json:
+        print_json(answer)
+        return
+    print_pairs(title, answer)
+    for reason in answer.get("reasons", ()):
+        print(f"not valid: {reason}")

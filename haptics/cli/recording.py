@@ -1,0 +1,62 @@
+"""``haptics recording`` and ``haptics replay``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from haptics.cli.show import print_json, print_pairs
+
+app = typer.Typer(help="Recordings: what is in one, and saving what a crash left.", no_args_is_help=True)
+
+
+@app.command("recover")
+def recover(
+    journal: Annotated[Path, typer.Argument(help="the journal a run left behind (*.journal)")],
+    out: Annotated[Path | None, typer.Option(help="HDF5 file to write [default: beside the journal]")] = None,
+    force: Annotated[bool, typer.Option("--force", help="overwrite a file that exists")] = False,
+    json: Annotated[bool, typer.Option("--json", help="print one JSON object")] = False,
+) -> None:
+    """Make an HDF5 recording of everything a run had committed before it died."""
+    from haptics.recording import recover as recover_journal
+
+    result = recover_journal(journal, out or journal.with_suffix(".h5"), force=force)
+    print_json(result) if json else print_pairs(f"recovered {journal}", _flat(result))
+
+
+@app.command("info")
+def info(
+    path: Annotated[Path, typer.Argument(help="recording (*.h5)")],
+    json: Annotated[bool, typer.Option("--json", help="print one JSON object")] = False,
+) -> None:
+    """Print what a recording holds."""
+    from haptics.recording import load
+
+    recording = load(path)
+    rows = {name: len(recording.stream(name)) for name in recording.streams}
+    if json:
+        print_json({"path": str(path), "header": recording.header, "rows": rows})
+    else:
+        print_pairs(str(path), rows)
+
+
+def replay(
+    path: Annotated[Path, typer.Argument(help="recording (*.h5)")],
+    json: Annotated[bool, typer.Option("--json", help="print one JSON object")] = False,
+) -> None:
+    """Play a recording's poses through its scene again and compare the wire bytes with those recorded."""
+    from haptics.session.replay import replay_recording
+
+    result = replay_recording(path)
+    print_json(result) if json else print_pairs(f"replay of {path}", _flat(result))
+    if not result.identical:
+        raise typer.Exit(1)
+
+
+def _flat(result: object) -> dict:
+    from haptics.cli.show import plain
+
+    data = plain(result)
+    return data if isinstance(data, dict) else {"result": data}

@@ -1,0 +1,168 @@
+"""Driver of the brake controller (protocol: ``drive``, ``piezo``, ``brake_telemetry`` in ``docs/reference/protocol.md``).
+
+One supply, so one amplitude for all outputs that are on (``docs/decisions/0003-one-supply-one-amplitude.md``). Every drive
+command has a time to live; the driver refreshes it while a brake is wanted, so that volts fall by themselves when it stops.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from haptics.errors import InputError
+from haptics.link.commands import Pending
+from haptics.link.connection import Link
+from haptics.link.messages import Status
+from haptics.time import NS_PER_MS, seconds_to_ns
+from haptics.units import in_range
+
+COMMAND_LEAD_NS = 2 * NS_PER_MS
+"""A command leaves the host this long before it acts."""
+
+
+@dataclass(slots=True)
+class _Hold:
+    """One output that is wanted on: its volts, and when the wish ends unless renewed."""
+
+    amplitude_v: float
+    until_ns: int | None
+
+
+@dataclass(frozen=True, slots=True)
+class Refusal:
+    """A command that the board did not carry out."""
+
+    command: str
+    reason: str
+    sent_ns: int
+
+
+class BrakeDriver:
+    """Brakes, clutches and piezos by name.
+
+    :param link: link with a brake board.
+    :param channels: what each output drives, in channel order.
+    :param frequency_hz: bipolar square wave, Hz.
+    :param ttl_s: life of one drive command, s; refreshed at a third of it.
+    :param max_amplitude_v: refused above this, V.
+    """
+
+    def __init__(
+        self,
+        link: Link,
+        channels: Sequence[str],
+        frequency_hz: float = 20.0,
+        ttl_s: float = 0.2,
+        max_amplitude_v: float = 1500.0,
+    ):
+        self.link = link
+        self.channels = tuple(channels)
+        self._index = {name: i for i, name in enumerate(self.channels)}
+        self._frequency_dhz = round(in_range("frequency_hz", frequency_hz, 0.1, 1000.0, "Hz") * 10)
+        self._ttl_ns = seconds_to_ns(in_range("ttl_s", ttl_s, 0.01, 60.0, "s"))
+        self._max_amplitude_v = max_amplitude_v
+        self._holds: dict[int, _Hold] = {}
+        self._refresh_ns = 0
+        self._next_end_ns: int | None = None
+        self._changed_at_ns: int | None = None
+        self._replies: list[tuple[str, Pending, int]] = []
+        self._refusals: list[Refusal] = []
+
+    def engage(self, name: str, amplitude_v: float, now_ns: int, at_ns: int | None = None, ttl_s: float | None = None) -> None:
+        """Volts on one output until :meth:`release`, or for ``ttl_s``.
+
+        :param at_ns: wanted start; as soon as possible if None or too near.
+        :raises InputError: unknown output, or volts outside 0 to the limit.
+        """
+        index = self._index_of(name)
+        amplitude_v = in_range("amplitude_v", amplitude_v, 0.0, self._max_amplitude_v, "V")
+        until_ns = None if ttl_s is None else now_ns + seconds_to_ns(in_range("ttl_s", ttl_s, 0.001, 60.0, "s"))
+        self._holds[index] = _Hold(amplitude_v, until_ns)
+        self._changed_at_ns = at_ns if at_ns is not None else now_ns
+        self._plan_end()
+
+    def release(self, name: str, now_ns: int) -> None:
+        """Zero volts on one output.
+
+        :raises InputError: unknown output.
+        """
+        if self._holds.pop(self._index_of(name), None) is not None:
+            self._changed_at_ns = now_ns
+            self._plan_end()
+
+    def release_all(self, now_ns: int) -> None:
+        """Zero volts everywhere."""
+        if self._holds:
+            self._holds.clear()
+            self._changed_at_ns = now_ns
+            self._plan_end()
+
+    def piezo(self, names: Sequence[str], duration_s: float, now_ns: int, at_ns: int | None = None) -> None:
+        """Vibrate the fingertip piezos of these outputs' fingers (0.3 s when a grasp begins; thesis 4.6.1).
+
+        :raises InputError: unknown output, or a duration outside 1 ms to 1 s.
+        """
+        mask = sum(1 << self._index_of(name) for name in names)
+        duration_ms = round(in_range("duration_s", duration_s, 0.001, 1.0, "s") * 1000)
+        soonest_ns = now_ns + COMMAND_LEAD_NS
+        start_ns = soonest_ns if at_ns is None else max(soonest_ns, at_ns)
+        self._send("piezo", now_ns, self.link.to_ticks(start_ns), mask, duration_ms)
+
+    def tick(self, now_ns: int) -> None:
+        """Send changes and refreshes that are due, and note refusals."""
+        if self._next_end_ns is not None and now_ns >= self._next_end_ns:
+            self._holds = {i: h for i, h in self._holds.items() if h.until_ns is None or h.until_ns > now_ns}
+            self._changed_at_ns = now_ns
+            self._plan_end()
+        if self._changed_at_ns is not None:
+            self._drive(now_ns, self._changed_at_ns)
+        elif self._holds and now_ns >= self._refresh_ns:
+            self._drive(now_ns, now_ns)
+        if self._replies:
+            self._read_replies()
+
+    def take_refusals(self) -> list[Refusal]:
+        """Commands the board refused or never answered since the last call."""
+        refusals, self._refusals = self._refusals, []
+        return refusals
+
+    def engaged(self) -> dict[str, float]:
+        """Output name to volts, for those that are on. The bus has the highest of them."""
+        return {self.channels[i]: hold.amplitude_v for i, hold in self._holds.items()}
+
+    @property
+    def idle(self) -> bool:
+        """No command waits to be sent or answered."""
+        return self._changed_at_ns is None and not self._replies
+
+    def _index_of(self, name: str) -> int:
+        if name not in self._index:
+            raise InputError(f"brake = {name!r} is unknown; allowed: {', '.join(self.channels)}")
+        return self._index[name]
+
+    def _plan_end(self) -> None:
+        ends = [hold.until_ns for hold in self._holds.values() if hold.until_ns is not None]
+        self._next_end_ns = min(ends) if ends else None
+
+    def _drive(self, now_ns: int, at_ns: int) -> None:
+        mask = sum(1 << i for i, hold in self._holds.items() if hold.amplitude_v > 0)
+        amplitude_v = round(max((hold.amplitude_v for hold in self._holds.values()), default=0.0))
+        self._changed_at_ns = None
+        self._refresh_ns = now_ns + self._ttl_ns // 3
+        start_ns = max(now_ns + COMMAND_LEAD_NS, at_ns)
+        ttl_ms = self._ttl_ns // NS_PER_MS
+        self._send("drive", now_ns, self.link.to_ticks(start_ns), mask, amplitude_v, self._frequency_dhz, ttl_ms)
+
+    def _send(self, name: str, now_ns: int, *values: int) -> None:
+        self._replies.append((name, self.link.send(name, *values, now_ns=now_ns), now_ns))
+
+    def _read_replies(self) -> None:
+        waiting: list[tuple[str, Pending, int]] = []
+        for name, pending, sent_ns in self._replies:
+            if not pending.done:
+                waiting.append((name, pending, sent_ns))
+            elif pending.error is not None:
+                self._refusals.append(Refusal(name, str(pending.error), sent_ns))
+            elif pending.status != Status.OK:
+                self._refusals.append(Refusal(name, Status(pending.status).name.lower(), sent_ns))
+        self._replies = waiting

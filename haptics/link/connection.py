@@ -1,0 +1,163 @@
+"""A port and a session tied together: moves bytes, and turns what ports raise into the session's loss."""
+
+from __future__ import annotations
+
+import threading
+from typing import Any
+
+from haptics.errors import LinkError, LinkLost
+from haptics.link.clock import ClockFit
+from haptics.link.commands import Pending
+from haptics.link.events import Event
+from haptics.link.messages import Board
+from haptics.link.ports import BytePort, port_errors
+from haptics.link.session import LinkSession
+
+
+class Link:
+    """One board on one port. Every method may be called from any thread.
+
+    ``send``, ``arm``, ``stop`` write to the port before they return, so a stop waits for nothing.
+
+    :param port: an open port, from ``open_port``.
+    :param session: its session; errors name the port as the session does.
+    """
+
+    def __init__(self, port: BytePort, session: LinkSession):
+        self.port, self.session = port, session
+        self._lock = threading.RLock()
+
+    @property
+    def name(self) -> str:
+        """The port's name."""
+        return self.session.port_name
+
+    @property
+    def board(self) -> Board | None:
+        """The board that answered, or the one expected."""
+        return self.session.board
+
+    @property
+    def identity(self) -> Any:
+        """The board's identity message, or None."""
+        return self.session.identity
+
+    @property
+    def ready(self) -> bool:
+        """Commands are taken."""
+        return self.session.ready
+
+    @property
+    def armed(self) -> bool:
+        """The board said it armed, and nothing since says otherwise."""
+        return self.session.armed
+
+    @property
+    def error(self) -> LinkError | None:
+        """Why the link ended, if it did."""
+        return self.session.error
+
+    @property
+    def clock(self) -> ClockFit | None:
+        """The board's clock, or None before it was measured."""
+        return self.session.clock
+
+    def to_ticks(self, host_ns: int) -> int:
+        """See ``LinkSession.to_ticks``."""
+        with self._lock:
+            return self.session.to_ticks(host_ns)
+
+    def to_host_ns(self, ticks: int) -> int:
+        """See ``LinkSession.to_host_ns``."""
+        with self._lock:
+            return self.session.to_host_ns(ticks)
+
+    def events(self) -> list[Event]:
+        """What happened since the last call."""
+        with self._lock:
+            return self.session.events()
+
+    def start(self, now_ns: int) -> None:
+        """Begin the handshake."""
+        with self._lock:
+            self.session.start(now_ns)
+            self._write(now_ns)
+
+    def send(self, name: str, *values: Any, now_ns: int) -> Pending:
+        """See ``LinkSession.send``."""
+        with self._lock:
+            pending = self.session.send(name, *values, now_ns=now_ns)
+            self._write(now_ns)
+            return pending
+
+    def arm(self, now_ns: int) -> Pending:
+        """See ``LinkSession.arm``."""
+        with self._lock:
+            pending = self.session.arm(now_ns)
+            self._write(now_ns)
+            return pending
+
+    def stop(self, now_ns: int) -> Pending:
+        """See ``LinkSession.stop``."""
+        with self._lock:
+            pending = self.session.stop(now_ns)
+            self._write(now_ns)
+            return pending
+
+    def service(self, now_ns: int) -> None:
+        """Hand what has come to the session, let it work, write what it says. Waits for nothing."""
+        try:
+            with port_errors(self.name, "read"):
+                count = self.port.in_waiting
+                data = self.port.read(count) if count else b""
+        except LinkLost as error:
+            self.lose(error, now_ns)
+            return
+        self.take(data, now_ns)
+
+    def wait_for_bytes(self) -> bytes:
+        """What comes within the port's read time-out.
+
+        :raises LinkLost: the port went away.
+        """
+        with port_errors(self.name, "read"):
+            data = self.port.read(1)
+            count = self.port.in_waiting if data else 0
+            return data + self.port.read(count) if count else data
+
+    def take(self, data: bytes, now_ns: int) -> None:
+        """Bytes that were read at ``now_ns``."""
+        with self._lock:
+            if data:
+                self.session.receive(data, now_ns)
+            self.session.poll(now_ns)
+            self._write(now_ns)
+
+    def lose(self, error: LinkError, now_ns: int) -> None:
+        """The port went away."""
+        with self._lock:
+            self.session.lost(error, now_ns)
+
+    def reopen(self, port: BytePort, now_ns: int) -> None:
+        """Go on with another open port, from the handshake on. Never arms."""
+        with self._lock:
+            self.port = port
+            self.start(now_ns)
+
+    def close(self) -> None:
+        """Close the port."""
+        try:
+            with port_errors(self.name, "close"):
+                self.port.close()
+        except LinkLost:
+            pass  # it is closed, one way or another
+
+    def _write(self, now_ns: int) -> None:
+        data = self.session.outgoing()
+        if not data:
+            return
+        try:
+            with port_errors(self.name, "write"):
+                self.port.write(data)
+        except LinkLost as error:
+            self.session.lost(error, now_ns)

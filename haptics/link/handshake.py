@@ -1,0 +1,122 @@
+"""Who is there: what must agree before a board is spoken to, and what to say if nobody fits."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any, Protocol
+
+from haptics.errors import NotABoard
+from haptics.link.clock import signed_ticks
+from haptics.link.commands import NEVER_NS
+from haptics.link.framing import DELIMITER, encode_frame
+from haptics.link.messages import (
+    BRAKE_CHANNELS,
+    BY_NAME,
+    COIL_CHANNELS,
+    DEFAULT_BAUD,
+    MESSAGES,
+    PROTOCOL_VERSION,
+    TICK_HZ,
+    Board,
+    schema_hash,
+)
+from haptics.time import NS_PER_S
+
+FLASH_ADVICE = "flash the firmware that belongs to this package: make firmware flash PORT=..."
+_CHANNELS = {Board.TACTILES: COIL_CHANNELS, Board.BRAKE: BRAKE_CHANNELS}
+_NOT_COMMANDS = ("identify", "sync", "keepalive")
+_SCHEMA_HASH = schema_hash()
+_IDENTIFY = DELIMITER + encode_frame(BY_NAME["identify"].type, 0)  # the delimiter ends whatever noise came before
+
+
+class Seen(Protocol):
+    """The counters a diagnosis looks at."""
+
+    bytes_in: int
+    frames_in: int
+    bad_frames: int
+    echoes: int
+
+
+class Inquiry:
+    """Asking who is there, every so often, until somebody answers or patience ends."""
+
+    def __init__(self, every_ns: int, tries: int):
+        self._every_ns, self._tries_allowed = every_ns, tries
+        self.reason: str | None = None  # why it is being asked; None: nobody asks
+        self.tries = 0
+        self.due_ns = NEVER_NS
+
+    def begin(self, reason: str, now_ns: int) -> None:
+        """Ask from now on; if that is so already, go on."""
+        if self.reason is None:
+            self.reason, self.tries, self.due_ns = reason, 0, now_ns
+
+    def end(self) -> None:
+        """An answer came, or nobody wants to know any more."""
+        self.reason, self.due_ns = None, NEVER_NS
+
+    @property
+    def waited_s(self) -> float:
+        """Time asked for so far."""
+        return self.tries * self._every_ns / NS_PER_S
+
+    @property
+    def exhausted(self) -> bool:
+        """The last question was asked."""
+        return self.tries >= self._tries_allowed
+
+    def frame(self, now_ns: int) -> bytes:
+        """The next question."""
+        self.tries += 1
+        self.due_ns = now_ns + self._every_ns
+        return _IDENTIFY
+
+
+def mismatch(identity: Any, expected: Board | None) -> str | None:
+    """What keeps this identity from being the board expected, in words, or None."""
+    if identity.protocol != PROTOCOL_VERSION:
+        return f"the board speaks protocol {identity.protocol}, this package {PROTOCOL_VERSION}"
+    if identity.board not in _CHANNELS:
+        return f"board kind {identity.board} is unknown; known: {', '.join(f'{int(b)} ({b.name.lower()})' for b in Board)}"
+    board = Board(identity.board)
+    if expected is not None and board != expected:
+        return f"this is the {board.name.lower()} board, not {expected.name.lower()}"
+    if identity.schema_hash != _SCHEMA_HASH:
+        return f"the board's message table is {identity.schema_hash:08x}, this package's {_SCHEMA_HASH:08x}"
+    if identity.tick_hz != TICK_HZ:
+        return f"the board ticks at {identity.tick_hz} Hz, expected {TICK_HZ}"
+    if not 1 <= identity.channels <= _CHANNELS[board]:
+        return f"the board has {identity.channels} channels; allowed: 1 to {_CHANNELS[board]}"
+    return None
+
+
+def diagnosis(port: str, seen: Seen, sample: bytes, tries: int, waited_s: float) -> NotABoard:
+    """The likeliest reason why nobody said who they are, and what to do about it."""
+    asked = f"no identity in {tries} tries ({waited_s:g} s)"
+    if seen.bytes_in == 0:
+        what, advice = "not one byte came back", "check power and cable, and that this is the board's port"
+    elif seen.echoes > 0:
+        what, advice = "what is sent comes back as it is", "this is a loop-back or an echoing terminal, not a board"
+    elif seen.frames_in > 0:
+        what, advice = (
+            f"{seen.frames_in} whole frames came, none of them an identity",
+            "another device, or another firmware, speaks here",
+        )
+    else:
+        what = f"{seen.bytes_in} bytes came, never a whole frame, beginning {sample[:16]!r}"
+        advice = f"the baud rate is probably wrong (boards speak {DEFAULT_BAUD}), or another device speaks here"
+    return NotABoard(port, f"{asked}; {what}", "identify", advice)
+
+
+def after(ticks: int, other: int) -> bool:
+    """Whether u32 ``ticks`` come after ``other``."""
+    return signed_ticks(ticks, other) > 0
+
+
+@cache
+def commands_for(board: Board | None) -> tuple[str, ...]:
+    """Names of the commands an owner may send to a board (None: to any)."""
+    return tuple(
+        m.name for m in MESSAGES if m.sender == "host" and m.name not in _NOT_COMMANDS and (board is None or board in m.boards)
+    )

@@ -1,0 +1,149 @@
+"""Opening serial ports, real and simulated, and saying plainly why one would not open.
+
+``sim://`` works through pyserial: the name of the package that holds the boards is appended to its list of handler packages,
+and nothing of it is imported here.
+
+Opening a real port raises DTR, which resets boards of the Arduino kind; the operating system does so before a program can
+object. A session therefore asks who is there until a board has booted, and never waits for a banner.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+from collections.abc import Generator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+import serial
+from serial.tools import list_ports as _serial_ports
+
+from haptics.errors import InputError, LinkError, LinkLost, PortBusy, PortMissing
+from haptics.link.messages import DEFAULT_BAUD
+
+BOARDS_PACKAGE = "firmware_models"
+SIMULATED = {"sim://tactiles": "simulated TacTiles board", "sim://brake": "simulated brake controller"}
+READ_TIMEOUT_S = 0.005
+WRITE_TIMEOUT_S = 0.25  # a peer that takes nothing for so long is gone; boards made themselves safe after 0.1 s
+_ALLOWED = (
+    "sim://tactiles, sim://brake, a device (/dev/ttyACM0, COM3), socket://HOST:PORT, rfc2217://HOST:PORT, hwgrep://TEXT, loop://"
+)
+
+if BOARDS_PACKAGE not in serial.protocol_handler_packages:
+    serial.protocol_handler_packages.append(BOARDS_PACKAGE)
+
+_port_errors: tuple[type[Exception], ...] = (OSError,)
+try:
+    import termios
+except ImportError:  # Windows
+    pass
+else:
+    _port_errors += (termios.error,)  # an OSError in all but name
+
+
+class BytePort(Protocol):
+    """What a link needs of an open port; pyserial's are such."""
+
+    @property
+    def in_waiting(self) -> int: ...
+
+    @property
+    def is_open(self) -> bool: ...
+
+    def read(self, size: int = 1, /) -> bytes: ...
+
+    def write(self, data: bytes, /) -> int | None: ...
+
+    def close(self) -> None: ...
+
+
+@dataclass(frozen=True, slots=True)
+class PortInfo:
+    """A port that could be opened. ``serial_number`` names a USB device for good; paths change."""
+
+    url: str
+    description: str
+    serial_number: str | None = None
+    simulated: bool = False
+
+
+def list_ports() -> list[PortInfo]:
+    """Serial ports of this machine, then the simulated boards."""
+    real = sorted(_serial_ports.comports(), key=lambda port: port.device)
+    return [
+        *(PortInfo(port.device, port.description or "", port.serial_number) for port in real),
+        *(PortInfo(url, description, simulated=True) for url, description in SIMULATED.items()),
+    ]
+
+
+def open_port(url: str, baud: int = DEFAULT_BAUD) -> BytePort:
+    """Open a port, exclusively if it is a device, with the short time-outs the runners need.
+
+    :raises InputError: not a port's name, or a URL nobody handles; the message lists what is allowed.
+    :raises PortMissing: no such port.
+    :raises PortBusy: open elsewhere; the message names the process where that can be found out.
+    :raises LinkLost: the operating system would not open it, for instance for want of permission.
+    """
+    if not url.strip():
+        raise InputError(f"port = {url!r} is not allowed; allowed: {_ALLOWED}")
+    settings: dict[str, Any] = {"baudrate": baud, "timeout": READ_TIMEOUT_S, "write_timeout": WRITE_TIMEOUT_S}
+    if "://" not in url:
+        settings["exclusive"] = True
+    try:
+        port: Any = serial.serial_for_url(url, **settings)
+        return port
+    except InputError:
+        raise
+    except (ValueError, KeyError) as error:  # KeyError: pyserial's own slip on a bad loop:// query
+        if "not known" in str(error):
+            missing = f" (is the package {BOARDS_PACKAGE} installed?)" if url.lower().startswith("sim:") else ""
+            raise InputError(f"port = {url!r} is of a kind nobody handles{missing}; allowed: {_ALLOWED}") from error
+        raise InputError(f"port = {url!r}, baud = {baud!r}: {error}; allowed: {_ALLOWED}") from error
+    except _port_errors as error:
+        raise _why_not_opened(url, error) from error
+
+
+@contextmanager
+def port_errors(url: str, doing: str) -> Generator[None]:
+    """Turn whatever an open port raises into one ``LinkLost``."""
+    try:
+        yield
+    except serial.SerialTimeoutException as error:
+        raise LinkLost(
+            url, f"the peer takes no bytes ({error})", doing, "is the board running? unplug it and plug it in again"
+        ) from error
+    except (*_port_errors, TypeError) as error:  # TypeError: pyserial, when a port is closed under a call
+        raise LinkLost(
+            url, f"the port went away ({error or type(error).__name__})", doing, "check the cable, then connect again"
+        ) from error
+
+
+def _why_not_opened(url: str, error: Exception) -> LinkError:
+    number = getattr(error, "errno", None)
+    if number in (errno.EBUSY, errno.EAGAIN) or "access is denied" in str(error).lower():
+        return PortBusy(url, f"port already open {_holders(url)}", "open", "close it there first")
+    if number in (errno.EACCES, errno.EPERM):
+        return LinkLost(
+            url, "permission denied", "open", "on Linux, add yourself to the group that owns the device (dialout, uucp)"
+        )
+    if number in (None, errno.ENOENT, errno.ENODEV, errno.ENXIO, errno.ENOTDIR, errno.ECONNREFUSED):
+        return PortMissing(url, f"no such port ({error})", "open", f"there are: {', '.join(port.url for port in list_ports())}")
+    return LinkLost(url, f"cannot be opened ({error})", "open")
+
+
+def _holders(url: str) -> str:
+    """Who has a device open, as far as /proc tells (Linux; other users' processes stay hidden)."""
+    if "://" in url:
+        return "in this program"
+    target = os.path.realpath(url)
+    found: list[str] = []
+    for process in Path("/proc").glob("[0-9]*"):
+        try:
+            if any(os.path.realpath(link) == target for link in (process / "fd").iterdir()):
+                name = (process / "comm").read_text().strip()
+                found.append(f"{name}, pid {process.name}" + (", this very program" if int(process.name) == os.getpid() else ""))
+        except OSError:
+            continue
+    return f"by {'; '.join(found)}" if found else "elsewhere"

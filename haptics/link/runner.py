@@ -1,0 +1,192 @@
+"""What drives links: a stepper through virtual time, and threads on real ports. Also ``connect``, for tools."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Sequence
+from typing import Any, Protocol
+
+from haptics.errors import LinkError, LinkLost, ReplyTimeout
+from haptics.link.commands import Pending
+from haptics.link.connection import Link
+from haptics.link.ports import open_port
+from haptics.link.session import Phase
+from haptics.link.simulated import simulated
+from haptics.time import NS_PER_MS, NS_PER_S, Clock, MonotonicClock, VirtualClock, seconds_to_ns
+
+_BACKOFF_NS = (250 * NS_PER_MS, 500 * NS_PER_MS, NS_PER_S, 2 * NS_PER_S, 4 * NS_PER_S)
+
+
+class Runner(Protocol):
+    """Drives some links and lets time pass."""
+
+    links: Sequence[Link]
+
+    def now_ns(self) -> int: ...
+
+    def wait_for(self, condition: Callable[[], bool], timeout_s: float) -> bool: ...
+
+
+class VirtualRunner:
+    """Steps links and the simulated boards behind them from event to event. Never waits; the same calls give the same bytes.
+
+    :param links: links on simulated ports with ``clock=virtual``; ports of one world move together, others each in their own.
+    :param clock: the clock that everybody in the run reads; one of its own if None. Worlds must not be ahead of it.
+    """
+
+    def __init__(self, links: Sequence[Link], clock: VirtualClock | None = None):
+        self.links = list(links)
+        self.clock = clock if clock is not None else VirtualClock()
+
+    def now_ns(self) -> int:
+        """The virtual time."""
+        return self.clock.now_ns()
+
+    def run_until(self, t_ns: int) -> None:
+        """Carry links and boards to ``t_ns``: each event in its turn, then ``t_ns`` itself.
+
+        :raises InputError: ``t_ns`` lies in the past.
+        """
+        self._service()
+        while True:
+            event_ns = self._next_event_ns()
+            self.clock.advance_to(t_ns if event_ns is None or event_ns > t_ns else event_ns)
+            self._service()
+            if self.now_ns() == t_ns:
+                return
+
+    def _next_event_ns(self) -> int | None:
+        times: list[int] = []
+        for link in self.links:
+            deadline_ns = link.session.next_deadline_ns
+            if deadline_ns is not None:
+                times.append(deadline_ns)
+            port = simulated(link.port)
+            event_ns = port.next_event() if port is not None else None
+            if event_ns is not None:
+                times.append(event_ns)
+        return max(min(times), self.now_ns() + 1) if times else None
+
+    def _service(self) -> None:
+        now_ns = self.now_ns()
+        for link in self.links:
+            port = simulated(link.port)
+            if port is not None and link.port.is_open:
+                port.advance(now_ns)
+        for link in self.links:
+            if link.error is None:
+                link.service(now_ns)
+
+    def wait_for(self, condition: Callable[[], bool], timeout_s: float) -> bool:
+        """Run from event to event until ``condition`` holds or virtual time is up; returns whether it holds."""
+        end_ns = self.now_ns() + seconds_to_ns(timeout_s)
+        while not condition():
+            if self.now_ns() >= end_ns:
+                return False
+            event_ns = self._next_event_ns()
+            self.run_until(end_ns if event_ns is None else min(event_ns, end_ns))
+        return True
+
+
+class RealtimeRunner:
+    """A thread for each link that reads with a short time-out and does what is due. Use as a context manager.
+
+    :param links: links on open ports.
+    :param clock: a clock that passes by itself.
+    :param reopen: open a lost port again, after 0.25 s, then 0.5, 1, 2 and 4 s, and go through the handshake. Never arms.
+    """
+
+    def __init__(self, links: Sequence[Link], clock: Clock | None = None, reopen: bool = False):
+        self.links = list(links)
+        self.clock = clock if clock is not None else MonotonicClock()
+        self._reopen = reopen
+        self._closing = threading.Event()
+        self._changed = threading.Condition()
+        self._threads = [threading.Thread(target=self._serve, args=(link,), daemon=True) for link in self.links]
+        for thread in self._threads:
+            thread.start()
+
+    def __enter__(self) -> RealtimeRunner:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def now_ns(self) -> int:
+        """The machine's time."""
+        return self.clock.now_ns()
+
+    def wait_for(self, condition: Callable[[], bool], timeout_s: float) -> bool:
+        """Wait until ``condition`` holds, at most ``timeout_s``; returns whether it holds."""
+        with self._changed:
+            return self._changed.wait_for(condition, timeout_s)
+
+    def close(self) -> None:
+        """End the threads, then close the ports. A board that was armed makes itself safe when it hears nothing more."""
+        self._closing.set()
+        for link, thread in zip(self.links, self._threads, strict=True):
+            if thread is not threading.current_thread():
+                thread.join()
+            link.close()
+
+    def _serve(self, link: Link) -> None:
+        while not self._closing.is_set():
+            try:
+                data = link.wait_for_bytes()
+                link.take(data, self.now_ns())
+            except LinkLost as error:
+                link.lose(error, self.now_ns())
+            except Exception as error:  # a tap that raised, say: say so, then let the thread's error be seen
+                link.lose(LinkLost(link.name, f"its reader stopped: {error!r}"), self.now_ns())
+                raise
+            with self._changed:
+                self._changed.notify_all()
+            if link.session.phase is Phase.LOST and not self._recover(link):
+                return
+
+    def _recover(self, link: Link) -> bool:
+        """Open a lost port again; False if that is not wanted, or the runner closes."""
+        if not self._reopen or not isinstance(link.error, LinkLost):
+            return False
+        link.close()
+        for attempt in range(1 << 30):
+            if self._closing.wait(_BACKOFF_NS[min(attempt, len(_BACKOFF_NS) - 1)] / NS_PER_S):
+                return False
+            try:
+                link.reopen(open_port(link.name), self.now_ns())
+            except LinkError:
+                continue
+            return True
+        return False
+
+
+def connect(runner: Runner, links: Sequence[Link] | None = None, timeout_s: float = 10.0) -> list[Any]:
+    """Start links and run until all are ready; returns their identities. Arms nothing.
+
+    :param links: the runner's links if None.
+    :raises NotABoard: nobody said who they are; the message says what was seen instead, and what that suggests.
+    :raises WrongFirmware: another protocol, message table or kind of board.
+    :raises LinkError: the port went away, or configuring was refused.
+    """
+    chosen = list(runner.links if links is None else links)
+    for link in chosen:
+        link.start(runner.now_ns())
+    runner.wait_for(lambda: all(link.ready for link in chosen) or any(link.error is not None for link in chosen), timeout_s)
+    for link in chosen:
+        if link.error is not None:
+            raise link.error
+        if link.identity is None:
+            raise link.session.diagnosis()
+        if not link.ready:
+            seen = f"still {link.session.phase.value} after {timeout_s:g} s"
+            raise ReplyTimeout(link.name, seen, "connect", "is the line slower than its baud rate says?")
+    return [link.identity for link in chosen]
+
+
+def finish(runner: Runner, pending: Pending, timeout_s: float = 1.0, port: str = "") -> Pending:
+    """Run until a command has an outcome; returns it if the board said ok.
+
+    :raises LinkError: see ``Pending.result``.
+    """
+    runner.wait_for(lambda: pending.done, timeout_s)
+    return pending.result(port)

@@ -1,0 +1,37 @@
+"""What a simulated port offers beyond a serial port. Hardware lacks it; callers ask and do without.
+
+``haptics.link`` only declares this protocol; the boards behind ``sim://`` live in another package.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Protocol, runtime_checkable
+
+
+@runtime_checkable
+class SimulatedPort(Protocol):
+    """A port whose board lives in this process and in a clock that callers may move.
+
+    Times are nanoseconds of the board's world. ``truth`` is what physics did, not what firmware believes.
+    """
+
+    def advance(self, to_ns: int) -> None:
+        """Carry the whole world (every board in it) to ``to_ns``; refuses to go back."""
+        ...
+
+    def next_event(self) -> int | None:
+        """Time of the next thing that happens by itself (a byte arriving, a pulse ending), or None."""
+        ...
+
+    def truth(self) -> dict[str, Any]:
+        """The plant as it is now. Keys depend on the board; see ``firmware_models``."""
+        ...
+
+    def set_load(self, channel: int, **load: float) -> None:
+        """Act on the plant from outside: a skin under a pin, a finger pulling a brake."""
+        ...
+
+
+def simulated(port: object) -> SimulatedPort | None:
+    """``port`` as a simulated one, or None if it is real."""
+    return port if isinstance(port, SimulatedPort) else None

@@ -1,0 +1,55 @@
+"""Models of the devices: one phenomenon a file, pure functions over frozen parameters, no clock, no input or output."""
+
+from haptics.physics.brake_contact import ContactLag, ContactParameters, lagged
+from haptics.physics.brake_drive import DriveParameters, greatest_frequency_hz, rise_time_s, supply_power_w
+from haptics.physics.brake_force import ClosingGapLaw, ForceLaw, IdealLaw, ThresholdLaw, default_law, force_law
+from haptics.physics.brake_output import OutputStage
+from haptics.physics.brake_parameters import BrakeParameters, capacitance_f
+from haptics.physics.brake_predict import BrakePrediction, predict_brake, predict_volts
+from haptics.physics.latch import LatchOutcome, latch_plant, least_pulse_s, switch, travel_s
+from haptics.physics.latch_parameters import LatchParameters
+from haptics.physics.latch_plant import LatchEvent, LatchPlant
+from haptics.physics.parameters import ParameterRow, Parameters, parameter, provenance
+from haptics.physics.piezo import PiezoParameters
+from haptics.physics.thermal import ThermalParameters, pulse_rise_k, relax
+from haptics.physics.thermal_trains import TrainPrediction, predict_thermal
+
+__all__ = [
+    "BrakeParameters",
+    "BrakePrediction",
+    "ClosingGapLaw",
+    "ContactLag",
+    "ContactParameters",
+    "DriveParameters",
+    "ForceLaw",
+    "IdealLaw",
+    "LatchEvent",
+    "LatchOutcome",
+    "LatchParameters",
+    "LatchPlant",
+    "OutputStage",
+    "ParameterRow",
+    "Parameters",
+    "PiezoParameters",
+    "ThermalParameters",
+    "ThresholdLaw",
+    "TrainPrediction",
+    "capacitance_f",
+    "default_law",
+    "force_law",
+    "greatest_frequency_hz",
+    "lagged",
+    "latch_plant",
+    "least_pulse_s",
+    "parameter",
+    "predict_brake",
+    "predict_thermal",
+    "predict_volts",
+    "provenance",
+    "pulse_rise_k",
+    "relax",
+    "rise_time_s",
+    "supply_power_w",
+    "switch",
+    "travel_s",
+]

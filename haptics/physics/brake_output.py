@@ -1,0 +1,255 @@
+"""The output stage as a plant: up to five clutches on one supply and one bridge, carried through time in closed form.
+
+Outputs in the mask hang in parallel on the bridge; all others are shorted, each through its own resistance. The bridge
+makes a bipolar square wave whose first half period has half the length, so that the mean is zero from the start. Connecting
+an output shares charge at once. Nothing is integrated: between switching times every voltage is an exponential.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from haptics.errors import InputError
+from haptics.physics.brake_drive import (
+    DRIVE,
+    DriveParameters,
+    Regime,
+    charge,
+    charging_regime,
+    clamp_time_s,
+)
+from haptics.units import in_range, one_of
+
+
+@dataclass(slots=True)
+class Output:
+    """One clutch's electrical side; values may be swapped while it runs (``OutputStage.set_output``)."""
+
+    capacitance_f: float
+    leak_ohm: float = math.inf
+    volts: float = 0.0
+    peak_v: float = 0.0
+    energy_j: float = 0.0
+
+
+class OutputStage:
+    """Supply, bridge and outputs. Times are seconds in any one clock and must not go back.
+
+    :param capacitances_f: of each output, 0 where none is connected; at most 8. :param reversal: clamped or direct.
+    """
+
+    def __init__(
+        self,
+        capacitances_f: tuple[float, ...] | list[float],
+        drive: DriveParameters = DRIVE,
+        start_s: float = 0.0,
+        reversal: str = "clamped",
+    ):
+        if not 1 <= len(capacitances_f) <= 8:
+            raise InputError(f"{len(capacitances_f)} outputs are not allowed; allowed: 1 to 8")
+        self._outputs = [Output(in_range("capacitance_f", c, 0.0, 1e-3, "F")) for c in capacitances_f]
+        self._drive = drive
+        self._stiff = one_of("reversal", reversal, ("clamped", "direct")) == "direct"
+        self._now_s = float(start_s)
+        self._mask = 0
+        self._set_v = 0.0
+        self._frequency_hz = 0.0
+        self._polarity = 1
+        self._bridge_v = 0.0  # on the connected outputs and the stray capacitance, signed
+        self._charging_from_s = math.inf
+        self._reversal_s = math.inf
+        self.stuck = False
+        """Fault: the bridge misses its reversals."""
+        self.charge_c = 0.0
+        """Charge the supply has given."""
+        self.energy_j = 0.0
+        """Energy the supply has given: the integral of v i at its output."""
+        self.reversals = 0
+        """Sign changes of the bridge since the beginning."""
+
+    def drive(self, time_s: float, mask: int, volts: float, frequency_hz: float) -> None:
+        """From ``time_s`` on: a square wave of this setpoint on the outputs in ``mask``; all others shorted.
+
+        Mask or volts 0 shorts everything. A wave of the same frequency goes on in phase; 0 Hz is constant voltage.
+
+        :raises InputError: time going back, a mask beyond the outputs, a number outside its range.
+        """
+        if not 0 <= mask < 1 << len(self._outputs):
+            raise InputError(f"mask = {mask:#x} is not allowed; allowed: 0 to {(1 << len(self._outputs)) - 1:#x}")
+        in_range("volts", volts, 0.0, self._drive.supply_volts, "V")
+        in_range("frequency_hz", frequency_hz, 0.0, self._drive.bridge_hz, "Hz")
+        self.advance(time_s)
+        if volts == 0.0:
+            mask = 0
+        running = self._mask != 0
+        if mask != self._mask:
+            self._connect(mask)
+        self._set_v = volts if mask else 0.0
+        if not mask:
+            self._charging_from_s = self._reversal_s = math.inf
+        elif not running or frequency_hz != self._frequency_hz:
+            self._charging_from_s = time_s
+            # A quarter period first: half a half period.
+            self._reversal_s = time_s + 0.25 / frequency_hz if frequency_hz else math.inf
+            if self._bridge_v * self._polarity < 0.0:
+                self._polarity = -self._polarity
+        self._frequency_hz = frequency_hz if mask else 0.0
+
+    def advance(self, to_s: float) -> None:
+        """Carry every voltage to ``to_s``.
+
+        :raises InputError: time going back.
+        """
+        if to_s < self._now_s:
+            raise InputError(f"to_s = {to_s!r} s lies before the stage's {self._now_s!r} s; time only moves forward")
+        while self.next_event_s is not None and self.next_event_s <= to_s:
+            at_s = self.next_event_s
+            self._evolve(at_s)
+            if at_s >= self._reversal_s:
+                self._reverse(at_s)
+            else:
+                self._charging_from_s = -math.inf
+        self._evolve(to_s)
+
+    @property
+    def next_event_s(self) -> float | None:
+        """When the bridge switches next by itself (end of a clamp, or a reversal), or None."""
+        starts_s = self._charging_from_s if self._charging_from_s > self._now_s else math.inf
+        at_s = min(starts_s, self._reversal_s)
+        return None if math.isinf(at_s) else at_s
+
+    @property
+    def now_s(self) -> float:
+        return self._now_s
+
+    @property
+    def mask(self) -> int:
+        return self._mask
+
+    @property
+    def polarity(self) -> int:
+        """+1 or -1: the bridge's present polarity."""
+        return self._polarity
+
+    @property
+    def bus_v(self) -> float:
+        """Voltage at the supply's output: the setpoint, or less while the load holds it down."""
+        u_v = self._bridge_v * self._polarity
+        if not self._charging or self._stiff or u_v >= self._set_v:
+            return self._set_v
+        return min(self._set_v, u_v + self._current_into_bridge_a() * self._drive.output_resistance_ohm)
+
+    @property
+    def supply_current_a(self) -> float:
+        """What the supply gives now, bleeder included."""
+        if not self._mask:
+            return 0.0
+        if not self._charging:
+            return self._set_v / self._drive.bleeder_ohm
+        supply = self._regime().supply
+        if supply == "current":
+            return self._drive.supply_current_a
+        # Blocked: the load holds the bus up.
+        return 0.0 if supply == "blocked" else self._current_into_bridge_a() + self._set_v / self._drive.bleeder_ohm
+
+    @property
+    def stored_charge_c(self) -> float:
+        """Sum of the magnitudes of charge on all outputs."""
+        return sum(abs(o.capacitance_f * o.volts) for o in self._outputs) + self._drive.stray_f * abs(self._bridge_v)
+
+    def voltage_v(self, output: int) -> float:
+        """Signed voltage on an output now."""
+        return self._outputs[output].volts
+
+    def amplitude_v(self, output: int) -> float:
+        """Amplitude reached: magnitude at the end of the last half period, or now if that is more; now, if shorted."""
+        o = self._outputs[output]
+        return max(o.peak_v, abs(o.volts)) if self._mask >> output & 1 else abs(o.volts)
+
+    def output_energy_j(self, output: int) -> float:
+        """This output's share, by capacitance, of the energy the supply gave."""
+        return self._outputs[output].energy_j
+
+    def set_output(self, time_s: float, output: int, capacitance_f: float | None = None, leak_ohm: float | None = None) -> None:
+        """Change an output while it runs: overlap moved, a leak, a short (small ``leak_ohm``), an open (no capacitance).
+
+        Voltage is kept; the charge that a changing capacitance moves is not counted.
+        """
+        self.advance(time_s)
+        o = self._outputs[output]
+        if capacitance_f is not None:
+            o.capacitance_f = in_range("capacitance_f", capacitance_f, 0.0, 1e-3, "F")
+        if leak_ohm is not None:
+            o.leak_ohm = math.inf if leak_ohm == math.inf else in_range("leak_ohm", leak_ohm, 1.0, math.inf, "ohm")
+
+    @property
+    def _charging(self) -> bool:
+        return self._mask != 0 and self._now_s >= self._charging_from_s
+
+    def _connected(self) -> list[Output]:
+        return [o for k, o in enumerate(self._outputs) if self._mask >> k & 1]
+
+    def _load(self) -> tuple[float, float]:
+        """Capacitance and leak conductance on the bridge."""
+        group = self._connected()
+        # Without any capacitance the voltage would jump; a picofarad keeps the equations regular.
+        total_f = max(self._drive.stray_f + sum(o.capacitance_f for o in group), 1e-12)
+        return total_f, sum(1.0 / o.leak_ohm for o in group)
+
+    def _regime(self) -> Regime:
+        total_f, leak_s = self._load()
+        return charging_regime(self._bridge_v * self._polarity, self._set_v, total_f, leak_s, self._drive)
+
+    def _current_into_bridge_a(self) -> float:
+        total_f, leak_s = self._load()
+        u_v, regime = self._bridge_v * self._polarity, self._regime()
+        return total_f * (regime.target_v - u_v) / regime.tau_s + u_v * leak_s
+
+    def _connect(self, mask: int) -> None:
+        """Put the outputs in ``mask`` in parallel (charge is shared at once); the others keep their voltage and are shorted."""
+        if not mask:
+            self._bridge_v = 0.0  # the stray capacitance goes with the short
+        self._mask = mask
+        total_f, _ = self._load()
+        group = self._connected()
+        charge_c = self._drive.stray_f * self._bridge_v + sum(o.capacitance_f * o.volts for o in group)
+        self._bridge_v = charge_c / total_f if group else 0.0
+        for o in group:
+            o.volts, o.peak_v = self._bridge_v, abs(self._bridge_v)
+
+    def _reverse(self, at_s: float) -> None:
+        self._reversal_s = at_s + 0.5 / self._frequency_hz
+        if self.stuck:
+            return
+        self._polarity = -self._polarity
+        self.reversals += 1
+        self._charging_from_s = at_s + (0.0 if self._stiff else clamp_time_s(self._frequency_hz, self._drive))
+        for o in self._connected():
+            o.peak_v = min(abs(o.volts), self._set_v)
+
+    def _evolve(self, to_s: float) -> None:
+        """Carry all voltages to ``to_s``, no switching in between."""
+        dt_s = to_s - self._now_s
+        if dt_s <= 0.0:
+            return
+        r = self._drive.output_resistance_ohm
+        for k, o in enumerate(self._outputs):
+            if not self._mask >> k & 1 and o.volts != 0.0:
+                o.volts = o.volts * math.exp(-dt_s / (r * o.capacitance_f)) if o.capacitance_f else 0.0
+        if self._mask:
+            total_f, leak_s = self._load()
+            if self._charging:
+                u_v = self._bridge_v * self._polarity
+                done = charge(u_v, self._set_v, dt_s, total_f, leak_s, self._drive, self._stiff)
+                self._bridge_v, taken_c, taken_j = done.u_v * self._polarity, done.charge_c, done.energy_j
+            else:
+                self._bridge_v *= math.exp(-dt_s * (1.0 / r + leak_s) / total_f)
+                taken_c = self._set_v / self._drive.bleeder_ohm * dt_s
+                taken_j = self._set_v * taken_c
+            self.charge_c += taken_c
+            self.energy_j += taken_j
+            for o in self._connected():
+                o.volts = self._bridge_v
+                o.energy_j += taken_j * o.capacitance_f / total_f
+        self._now_s = to_s

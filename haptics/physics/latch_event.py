@@ -1,0 +1,201 @@
+"""Level ``event``: a state table with travel times; nothing is integrated.
+
+Progress ``u`` runs from 0 (off) to 1 (on). Under voltage it moves at ``1/T`` with ``T = T5 ((5 - V0)/(V - V0))^q``, ``V`` being
+the voltage that gives a coil at nominal temperature the same current. Without voltage it leaves the watershed ``u_c``
+between the two plates exponentially, ``u - u_c ~ exp(t/escape)``, to whichever side it is on; ``u_c`` is where the shortest
+pulse that switches leaves it. Energy is ``V^2 t / R(T)``.
+
+The constants are those of level ``dynamic`` for ``LatchParameters()``, fitted over 3.75 to 5.5 V; the tests fit them again.
+Position is linear in time here, so only arrivals, states and energies mean anything; a reversal in flight is right in
+kind, not in shape. Skin is not felt at this level.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from haptics.errors import InputError
+from haptics.physics.latch_parameters import LATCH, NOMINAL_VOLTS, LatchParameters
+from haptics.physics.latch_plant import Latched, LatchEvent
+from haptics.physics.parameters import Parameters, parameter
+from haptics.units import in_range
+
+_FROM = "level dynamic, 3.75 to 5.5 V"
+
+
+@dataclass(frozen=True)
+class TravelTable(Parameters):
+    """Travel and threshold of both directions. ``on``: off to on, toward the skin; ``off``: on to off.
+
+    ``off_leave_fraction`` is the share of the way to off after which the skin is left.
+    """
+
+    on_travel_s: float = parameter(4.8561e-3, "s", "identified", _FROM, low=1e-5, high=1.0)
+    on_travel_zero_v: float = parameter(1.2690, "V", "identified", _FROM, low=0.0, high=4.9)
+    on_travel_power: float = parameter(0.68737, "1", "identified", _FROM, low=0.0, high=3.0)
+    on_least_s: float = parameter(2.2022e-3, "s", "identified", _FROM, low=1e-6, high=1.0)
+    on_least_zero_v: float = parameter(1.2804, "V", "identified", _FROM, low=0.0, high=4.9)
+    on_least_power: float = parameter(0.95509, "1", "identified", _FROM, low=0.0, high=3.0)
+    on_escape_s: float = parameter(4.86e-3, "s", "identified", _FROM, low=1e-5, high=1.0)
+    on_least_v: float = parameter(2.00, "V", "identified", "level dynamic, endless pulse", low=0.0, high=5.0)
+    on_impact_m_s: float = parameter(0.755, "m/s", "identified", _FROM, low=0.0, high=100.0)
+    off_travel_s: float = parameter(6.0000e-3, "s", "stated", "thesis 3.4.5, Fig 3.3", low=1e-5, high=1.0)
+    off_travel_zero_v: float = parameter(2.8357, "V", "identified", _FROM, low=0.0, high=4.9)
+    off_travel_power: float = parameter(0.55980, "1", "identified", _FROM, low=0.0, high=3.0)
+    off_least_s: float = parameter(3.8621e-3, "s", "identified", _FROM, low=1e-6, high=1.0)
+    off_least_zero_v: float = parameter(2.7942, "V", "identified", _FROM, low=0.0, high=4.9)
+    off_least_power: float = parameter(0.74024, "1", "identified", _FROM, low=0.0, high=3.0)
+    off_escape_s: float = parameter(4.5e-3, "s", "identified", _FROM, low=1e-5, high=1.0)
+    off_least_v: float = parameter(3.29, "V", "identified", "level dynamic, endless pulse", low=0.0, high=5.0)
+    off_impact_m_s: float = parameter(0.663, "m/s", "identified", _FROM, low=0.0, high=100.0)
+    off_leave_fraction: float = parameter(0.168, "1", "identified", _FROM, low=0.0, high=1.0)
+
+    def travel_s(self, toward_on: bool, volts: float) -> float:
+        """Travel time under ``volts`` (magnitude, at nominal resistance) that last until arrival; infinite if too weak."""
+        if toward_on:
+            return _scaled(self.on_travel_s, self.on_travel_zero_v, self.on_travel_power, volts, self.on_least_v)
+        return _scaled(self.off_travel_s, self.off_travel_zero_v, self.off_travel_power, volts, self.off_least_v)
+
+    def least_s(self, toward_on: bool, volts: float) -> float:
+        """Length of the shortest pulse that switches; infinite if none does."""
+        if toward_on:
+            return _scaled(self.on_least_s, self.on_least_zero_v, self.on_least_power, volts, self.on_least_v)
+        return _scaled(self.off_least_s, self.off_least_zero_v, self.off_least_power, volts, self.off_least_v)
+
+
+TRAVEL = TravelTable()
+
+
+def _scaled(at_nominal_s: float, zero_v: float, power: float, volts: float, least_v: float) -> float:
+    if volts <= max(least_v, zero_v):
+        return math.inf
+    return at_nominal_s * ((NOMINAL_VOLTS - zero_v) / (volts - zero_v)) ** power
+
+
+class EventLatch:
+    """One actuator at level ``event``; see ``LatchPlant`` for the meaning of every member.
+
+    :param parameters: stroke, resistance and its slope, and ``near_stop_m`` are used. :param table: travel and thresholds.
+    """
+
+    def __init__(
+        self,
+        parameters: LatchParameters = LATCH,
+        latched: Latched = "off",
+        start_s: float = 0.0,
+        table: TravelTable = TRAVEL,
+    ):
+        if latched not in ("on", "off"):
+            raise InputError(f"latched = {latched!r} is not allowed; allowed: on, off (an actuator cannot rest in between)")
+        self.rise_k = 0.0
+        self._parameters, self._table = parameters, table
+        self._events: list[LatchEvent] = []
+        self._now_s = self._since_s = float(start_s)
+        self._volts, self._resistance = 0.0, parameters.resistance_ohm
+        self._energy_j = 0.0
+        self._from = 1.0 if latched == "on" else 0.0
+        self._watershed, self._escape_s = 0.5, table.on_escape_s
+        self._speed = 0.0  # progress a second, under voltage
+        self._coasting = False
+        self._arrival_s = self._leave_s = math.inf
+        self._touching_skin = latched == "on"
+
+    def drive(self, time_s: float, volts: float) -> None:
+        volts = in_range("volts", volts, -1e3, 1e3, "V")
+        resistance = self._parameters.resistance_ohm * (1.0 + self._parameters.resistance_per_k * self.rise_k)
+        if resistance <= 0:
+            raise InputError(f"rise_k = {self.rise_k:g} K makes the coil's resistance {resistance:g} ohm; it must stay positive")
+        self.advance(time_s)
+        u = self._progress()
+        self._energy_j = self.energy_j
+        self._since_s, self._from, self._volts, self._resistance = time_s, u, volts, resistance
+        self._speed, self._coasting, self._arrival_s, self._leave_s = 0.0, False, math.inf, math.inf
+        toward_on = volts > 0
+        effective_v = abs(volts) * self._parameters.resistance_ohm / resistance
+        travel_s = self._table.travel_s(toward_on, effective_v)
+        if volts != 0.0 and math.isfinite(travel_s):
+            left = 1.0 - u if toward_on else u
+            if left > 0.0:
+                self._speed = (1.0 if toward_on else -1.0) / travel_s
+                self._arrival_s = time_s + left * travel_s
+            share = self._table.least_s(toward_on, effective_v) / travel_s
+            self._watershed = share if toward_on else 1.0 - share
+            self._escape_s = self._table.on_escape_s if toward_on else self._table.off_escape_s
+            if not toward_on and self._touching_skin:
+                self._leave_s = time_s + max(0.0, self._table.off_leave_fraction - (1.0 - u)) * travel_s
+        elif 0.0 < u < 1.0:
+            self._coasting = True
+            gap = u - self._watershed
+            room = 1.0 - self._watershed if gap > 0 else self._watershed
+            # On the watershed itself, rounding decides; the smallest gap stands for it.
+            self._arrival_s = time_s + self._escape_s * math.log(room / max(abs(gap), 1e-12))
+            if gap <= 0 and self._touching_skin:
+                self._leave_s = time_s
+
+    def load_skin(self, time_s: float, stiffness_n_m: float, at_m: float) -> None:
+        self._parameters = self._parameters.with_values(skin_stiffness_n_m=stiffness_n_m, skin_at_m=at_m)
+        self.advance(time_s)
+
+    def advance(self, to_s: float) -> None:
+        if to_s < self._now_s:
+            raise InputError(f"to_s = {to_s!r} s lies before the actuator's {self._now_s!r} s; time only moves forward")
+        self._now_s = to_s
+        if self._leave_s <= to_s:
+            self._events.append(LatchEvent(self._leave_s, "left_skin", self.speed_m_s))
+            self._leave_s, self._touching_skin = math.inf, False
+        if self._arrival_s <= to_s:
+            on = self._target() == 1.0
+            if on and not self._touching_skin:
+                self._events.append(LatchEvent(self._arrival_s, "reached_skin", self._table.on_impact_m_s))
+            elif not on:
+                self._events.append(LatchEvent(self._arrival_s, "reached_off", -self._table.off_impact_m_s))
+            self._touching_skin = on
+            self._from, self._speed, self._coasting, self._arrival_s = self._target(), 0.0, False, math.inf
+
+    def take_events(self) -> list[LatchEvent]:
+        events, self._events = self._events, []
+        return events
+
+    @property
+    def parameters(self) -> LatchParameters:
+        return self._parameters
+
+    @property
+    def position_m(self) -> float:
+        return self._progress() * self._parameters.stroke_m
+
+    @property
+    def speed_m_s(self) -> float:
+        if self._coasting:
+            return (self._progress() - self._watershed) / self._escape_s * self._parameters.stroke_m
+        return self._speed * self._parameters.stroke_m
+
+    @property
+    def current_a(self) -> float:
+        return self._volts / self._resistance
+
+    @property
+    def energy_j(self) -> float:
+        return self._energy_j + self._volts**2 / self._resistance * (self._now_s - self._since_s)
+
+    @property
+    def at_rest(self) -> bool:
+        return math.isinf(self._arrival_s)
+
+    @property
+    def latched(self) -> Latched:
+        x = self.position_m
+        if x > self._parameters.stroke_m - self._parameters.near_stop_m:
+            return "on"
+        return "off" if x < self._parameters.near_stop_m else "between"
+
+    def _target(self) -> float:
+        rising = self._from > self._watershed if self._coasting else self._speed > 0
+        return 1.0 if rising else 0.0
+
+    def _progress(self) -> float:
+        dt = self._now_s - self._since_s
+        if self._coasting:
+            return self._watershed + (self._from - self._watershed) * math.exp(dt / self._escape_s)
+        return min(1.0, max(0.0, self._from + self._speed * dt))

@@ -1,0 +1,276 @@
+"""The journal: what a session writes while it runs, such that nothing acknowledged is lost when the process is killed.
+
+Rows are copied into a buffer for each stream at once, so a row's arrays may be reused by the caller. ``commit`` hands all
+buffered rows to the operating system in one write; from then on they are *acknowledged*. The same rows, committed at the
+same places, give the same bytes: no clock is read here.
+
+One thread at a time may use a journal and its streams.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from types import TracebackType
+from typing import Any, BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from haptics.errors import HapticsError, InputError
+from haptics.recording.lock import try_lock
+from haptics.recording.output import refuse_existing
+from haptics.recording.segments import MAGIC, MAX_PAYLOAD_BYTES, Kind, pack
+from haptics.recording.streams import StreamSpec
+
+ROWS_PER_SEGMENT = 1024
+_BLOB_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,254}")
+
+
+class Stream:
+    """Rows of one kind on their way into a journal; from :meth:`Journal.stream`."""
+
+    __slots__ = ("_buffer", "_bytes", "_count", "_journal", "number", "spec")
+
+    def __init__(self, journal: Journal, number: int, spec: StreamSpec, rows_per_segment: int):
+        self.spec, self.number = spec, number
+        self._journal = journal
+        self._buffer = np.zeros(rows_per_segment, spec.dtype)
+        self._bytes = self._buffer.view(np.uint8).data
+        self._count = 0
+
+    def append(self, row: tuple[Any, ...] | np.void) -> None:
+        """Buffer one row, its values in the fields' order; commits the journal when the buffer is full.
+
+        Text longer than its field is cut at a whole character; a single number fills an array field.
+
+        :raises InputError: values that do not fit the fields; nothing is buffered then.
+        :raises HapticsError: the journal is closed or cannot be written.
+        """
+        count = self._count
+        if count == len(self._buffer):
+            self._journal.commit()
+            count = 0
+        try:
+            if not isinstance(row, (tuple, np.void)):
+                raise TypeError("a row is a tuple")
+            try:
+                self._buffer[count] = row
+            except UnicodeEncodeError:
+                self._buffer[count] = self._encoded(row)
+        except (TypeError, ValueError, OverflowError) as error:
+            fields = ", ".join(self.spec.fields)
+            raise InputError(f"stream {self.spec.name}: row = {row!r} does not fit the fields {fields}: {error}") from error
+        self._count = count + 1
+
+    def extend(self, rows: NDArray[Any]) -> None:
+        """Append a structured array ``(n,)`` with the stream's fields by name.
+
+        :raises InputError: other fields, or not one-dimensional.
+        :raises HapticsError: the journal is closed or cannot be written.
+        """
+        if rows.ndim != 1 or set(rows.dtype.names or ()) != set(self.spec.fields):
+            raise InputError(
+                f"stream {self.spec.name}: rows of shape {rows.shape} with fields {rows.dtype.names}; "
+                f"allowed: one dimension, fields {', '.join(self.spec.fields)}"
+            )
+        done = 0
+        while done < len(rows):
+            if self._count == len(self._buffer):
+                self._journal.commit()
+            some = rows[done : done + len(self._buffer) - self._count]
+            for name in self.spec.fields:  # by name: assignment of whole rows goes by position
+                self._buffer[name][self._count : self._count + len(some)] = some[name]
+            self._count += len(some)
+            done += len(some)
+
+    @property
+    def buffered(self) -> int:
+        """Rows not yet acknowledged."""
+        return self._count
+
+    def take(self) -> memoryview:
+        """The buffered rows' bytes, valid until the next row."""
+        return self._bytes[: self._count * self._buffer.itemsize]
+
+    def acknowledge(self) -> None:
+        """Forget the buffered rows: the operating system has them."""
+        self._count = 0
+
+    def _encoded(self, row: Any) -> tuple[Any, ...]:
+        # numpy encodes text into S fields as ASCII only; anything else arrives here
+        sizes = [self.spec.dtype[name].itemsize for name in self.spec.fields]
+        return tuple(
+            value.encode(errors="replace")[:size].decode(errors="ignore").encode() if isinstance(value, str) else value
+            for value, size in zip(row, sizes, strict=True)
+        )
+
+
+class Journal:
+    """An append-only file of checksummed segments; make one with :meth:`create`.
+
+    As a context manager it closes without a footer: what is then in the file is whole, but only
+    :func:`haptics.recording.recover` takes it, because nobody said that the session ended well.
+    """
+
+    def __init__(self, path: Path, file: BinaryIO, rows_per_segment: int, fsync: bool):
+        self.path = path
+        self._file: BinaryIO | None = file
+        self._rows_per_segment, self._fsync = rows_per_segment, fsync
+        self._streams: dict[str, Stream] = {}
+        self._blobs: set[str] = set()
+        self._segments = 0
+        self._length = 0
+
+    @classmethod
+    def create(
+        cls,
+        path: str | os.PathLike[str],
+        header: Mapping[str, Any],
+        *,
+        force: bool = False,
+        rows_per_segment: int = ROWS_PER_SEGMENT,
+        fsync: bool = False,
+    ) -> Journal:
+        """Start a journal with ``header`` (plain JSON data: provenance, arguments, seed, plan) as its first segment.
+
+        :param force: overwrite a file that exists, unless a running process is writing it.
+        :param rows_per_segment: a stream with this many buffered rows commits by itself; at least 1.
+        :param fsync: each commit also waits for the disk, so that it survives a loss of power (milliseconds each).
+        :raises InputError: the file exists, is being written, its folder is missing, or the header is not plain data.
+        """
+        if rows_per_segment < 1:
+            raise InputError(f"rows_per_segment = {rows_per_segment} is not allowed; allowed: at least 1")
+        path = Path(path)
+        payload = _json("header", header)
+        refuse_existing(path, force)
+        flags = os.O_RDWR | os.O_CREAT | getattr(os, "O_BINARY", 0) | (0 if force else os.O_EXCL)
+        file = os.fdopen(os.open(path, flags, 0o666), "r+b", buffering=0)
+        if not try_lock(file):
+            file.close()
+            raise InputError(f"{path}: another process is still writing this journal")
+        file.truncate(0)
+        journal = cls(path, file, rows_per_segment, fsync)  # type: ignore[arg-type]
+        journal._write(b"".join((MAGIC, *pack(Kind.HEADER, 0, 0, payload))))
+        journal._segments = 1
+        return journal
+
+    def stream(
+        self,
+        name: str,
+        dtype: np.dtype[Any],
+        units: Mapping[str, str] | None = None,
+        description: str = "",
+    ) -> Stream:
+        """Declare a stream; see :class:`~haptics.recording.StreamSpec` for what a row may hold.
+
+        :raises InputError: the name is taken, or the fields or units cannot be recorded.
+        """
+        return self.declare(StreamSpec(name, dtype, units or {}, description))
+
+    def declare(self, spec: StreamSpec) -> Stream:
+        """Declare a stream by its specification.
+
+        :raises InputError: the name is taken.
+        """
+        if spec.name in self._streams:
+            raise InputError(f"stream {spec.name!r} is declared twice in {self.path}")
+        stream = Stream(self, len(self._streams), spec, self._rows_per_segment)
+        self._put(Kind.STREAM, _json(f"stream {spec.name}", spec.as_json()), stream.number)
+        self._streams[spec.name] = stream
+        return stream
+
+    def blob(self, name: str, data: bytes) -> None:
+        """Attach ``data`` (a configuration file, a plan) under ``name``; acknowledged on return.
+
+        :raises InputError: the name is taken or is no plain file name, or the data is 4 GiB or more.
+        """
+        if not _BLOB_NAME.fullmatch(name):
+            raise InputError(f"attachment name = {name!r} is not allowed; allowed: up to 255 letters, digits and _ . -")
+        if name in self._blobs:
+            raise InputError(f"attachment {name!r} is given twice in {self.path}")
+        self._put(Kind.BLOB, len(name).to_bytes(2, "little") + name.encode() + data)
+        self._blobs.add(name)
+
+    def commit(self, fsync: bool | None = None) -> int:
+        """Hand every buffered row to the operating system; returns how many rows that acknowledged.
+
+        :param fsync: wait for the disk too; by default as chosen in :meth:`create`.
+        :raises HapticsError: closed, or the system cannot write (a full disk). The rows stay buffered, the file stays
+            whole up to the last commit, and a later commit tries again.
+        """
+        full = [stream for stream in self._streams.values() if stream.buffered]
+        if full:
+            parts = []
+            for index, stream in enumerate(full, self._segments):
+                parts += pack(Kind.ROWS, stream.number, index, stream.take())
+            self._write(b"".join(parts))
+            self._segments += len(full)
+        rows = 0
+        for stream in full:
+            rows += stream.buffered
+            stream.acknowledge()
+        if self._fsync if fsync is None else fsync:
+            os.fsync(self._open_file().fileno())
+        return rows
+
+    def close(self, footer: Mapping[str, Any] | None = None) -> None:
+        """Commit, write the footer (plain JSON data) that says the session ended well, and close; twice is once.
+
+        :raises InputError: the footer is not plain data.
+        :raises HapticsError: the system cannot write.
+        """
+        if self._file is None:
+            return
+        payload = _json("footer", footer or {})
+        self.commit()
+        self._put(Kind.FOOTER, payload)
+        self._release()
+
+    def __enter__(self) -> Journal:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        if self._file is not None:
+            try:
+                self.commit()
+            finally:
+                self._release()
+
+    def _put(self, kind: Kind, payload: bytes, stream: int = 0) -> None:
+        if len(payload) > MAX_PAYLOAD_BYTES:
+            raise InputError(f"{self.path}: a {kind.name.lower()} of {len(payload)} bytes; allowed: up to {MAX_PAYLOAD_BYTES}")
+        self._write(b"".join(pack(kind, stream, self._segments, payload)))
+        self._segments += 1
+
+    def _write(self, data: bytes) -> None:
+        file = self._open_file()
+        left = memoryview(data)
+        try:
+            while left:
+                left = left[file.write(left) :]
+        except OSError as error:
+            # a torn segment would hide all that is written after it
+            file.seek(self._length)
+            file.truncate(self._length)
+            raise HapticsError(f"{self.path}: cannot write the journal: {error}") from error
+        self._length += len(data)
+
+    def _open_file(self) -> BinaryIO:
+        if self._file is None:
+            raise HapticsError(f"{self.path}: the journal is closed")
+        return self._file
+
+    def _release(self) -> None:
+        file, self._file = self._open_file(), None
+        file.close()
+
+
+def _json(what: str, data: Mapping[str, Any]) -> bytes:
+    try:
+        return json.dumps(dict(data), sort_keys=True, allow_nan=False, ensure_ascii=False).encode()
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{what} is not plain JSON data: {error}") from error

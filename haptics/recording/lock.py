@@ -1,0 +1,23 @@
+"""A lock that tells a journal under way from one that a crash left. The system drops it with the process.
+
+Where there is no ``fcntl`` (Windows) nothing is locked: there the system itself refuses to remove a file that is open.
+"""
+
+from __future__ import annotations
+
+from typing import IO
+
+
+def try_lock(file: IO[bytes]) -> bool:
+    """Take the lock of an open file until it is closed; ``False`` if another holder has it."""
+    try:
+        import fcntl
+    except ImportError:
+        return True
+    try:
+        fcntl.flock(file.fileno(), fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    except OSError:  # a file system without locks
+        return True
+    return True

@@ -1,0 +1,230 @@
+"""When to act for a touch that has not happened yet: early when sure, late when not.
+
+A person accepts a touch from 15 ms before to 50 ms after the eye sees it (Di Luca and Mahnan 2019, by its abstract), so acting
+early on a guess costs more than acting late. With the forecast distance ``d(h)`` of a site to an object and its standard
+deviation ``s(h)`` (``haptics.rendering.prediction``), the pin is to be at the skin at the first ``h`` for which
+
+- ``d(h) + q s(h) <= 0``: it is touching, a little after the middle of the guess, and
+- ``d(h') + z s(h') <= 0`` for some ``h'`` in ``[h, h + 15 ms]``: it is *sure* to touch before an early pin would be noticed.
+
+While the second fails the decision is left to the next frame, whose guess reaches less far; at the latest a pose inside the object
+decides. Each frame plans anew; between frames a tick only compares times.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from haptics.errors import InputError
+from haptics.rendering.prediction import Forecast, PredictionParameters, Predictor
+from haptics.time import NS_PER_MS, NS_PER_S
+
+Floats = NDArray[np.float64]
+Distance = Callable[[Floats], Floats]
+"""Signed distance of points (m, d) to an object's surface, (m,), metres; negative inside."""
+
+NEVER_NS = np.iinfo(np.int64).max
+STEP_S = 1e-3
+FASTEST_M_S = 5.0
+"""Site and object approach each other no faster; an object farther than that allows need not be looked at again yet."""
+
+
+@dataclass(frozen=True, slots=True)
+class DecisionParameters:
+    """The rule's constants."""
+
+    doubt_early: float = 0.25
+    """``q``: standard deviations by which the aim is late of the middle of the guess."""
+    doubt_sure: float = 1.5
+    """``z``: standard deviations that count as sure."""
+    early_s: float = 0.015
+    """How early a touch may be felt (the window's near end)."""
+    shallow_m: float = 0.3e-3
+    """A pose inside decides only if the site is, or within ``early_s`` gets, deeper than this: a graze is no touch."""
+    horizon_s: float = 0.070
+    """No guess reaches farther past its frame."""
+    release_m: float = 0.3e-3
+    """A touch ends when the site is farther off than this, now and when the pin will have left."""
+    dwell_ns: int = 10 * NS_PER_MS
+    """A pin does not turn round sooner: the length of a stroke."""
+
+
+@dataclass(frozen=True, slots=True)
+class Decided:
+    """Something to do now.
+
+    :param begins: a touch begins, else it ends.
+    :param aimed_ns: when the device is to have acted.
+    """
+
+    site: int
+    object: int
+    begins: bool
+    aimed_ns: int
+
+
+def touch_ahead(
+    ahead_s: Floats, distance_m: Floats, deviation_m: Floats, now_m: Floats, parameters: DecisionParameters
+) -> Floats:
+    """The rule: how far ahead each of m pairs is to be touched, (m,), seconds; NaN where that is to be left to a later frame.
+
+    :param ahead_s: (k,), a grid of ``STEP_S``, from the earliest moment at which the device could have acted.
+    :param distance_m: (m, k) forecast. :param deviation_m: (m, k). :param now_m: (m,), distance at the frame itself.
+    """
+    p = parameters
+    window = round(p.early_s / STEP_S)
+    late_m = distance_m + p.doubt_early * deviation_m
+    crossed = late_m <= 0.0
+    sure = _within(distance_m + p.doubt_sure * deviation_m <= 0.0, window)
+    deep = _within(distance_m <= -p.shallow_m, window) | (now_m <= -p.shallow_m)[:, None]
+    decided = (crossed & sure) | ((now_m <= 0.0)[:, None] & deep)
+    first = decided.argmax(axis=1)
+    rows = np.arange(len(first))
+    before = np.maximum(first - 1, 0)
+    fell_m = late_m[rows, before] - late_m[rows, first]
+    between = crossed[rows, first] & ~crossed[rows, before]
+    back_s = np.where(between, -STEP_S * late_m[rows, first] / np.where(between, -fell_m, 1.0), 0.0)
+    return np.where(decided.any(axis=1), ahead_s[first] - back_s, np.nan)
+
+
+def _within(flags: NDArray[np.bool_], steps: int) -> NDArray[np.bool_]:
+    """Whether any of the next ``steps`` flags, or this one, is set."""
+    count = np.zeros((flags.shape[0], flags.shape[1] + steps + 1), dtype=np.int64)
+    np.cumsum(flags, axis=1, out=count[:, 1 : flags.shape[1] + 1])
+    count[:, flags.shape[1] + 1 :] = count[:, flags.shape[1], None]
+    return count[:, steps + 1 :] > count[:, : flags.shape[1]]
+
+
+class TouchDecider:
+    """Touches of one hand's sites with objects: fed with frames, asked at ticks.
+
+    Distances are asked for when a frame comes, so objects may move, at up to ``FASTEST_M_S`` with the site's speed; after a jump
+    call ``forget``. A scalar condition is decided alike: positions (1, d), radius 0, and ``distance`` the signal in metres, below
+    zero where the condition holds.
+
+    :param distances: one for each object.
+    :param radius_m: of the sites' spheres, (n,).
+    :param lead_ns: from telling the device until it acts. :param release_lead_ns: the same for its return; default ``lead_ns``.
+    :param stale_ns: a plan dies when its pose is older than this.
+    """
+
+    def __init__(
+        self,
+        distances: Sequence[Distance],
+        radius_m: ArrayLike,
+        lead_ns: int,
+        release_lead_ns: int | None = None,
+        stale_ns: int = 50 * NS_PER_MS,
+        decision: DecisionParameters | None = None,
+        prediction: PredictionParameters | None = None,
+    ):
+        self._distances = tuple(distances)
+        self._radius_m = np.asarray(radius_m, dtype=float)
+        if self._radius_m.ndim != 1 or not (self._radius_m >= 0).all():
+            raise InputError(f"radius_m = {radius_m} is not allowed; allowed: one radius of at least 0 m for each site")
+        if lead_ns < 0:
+            raise InputError(f"lead_ns = {lead_ns} is not allowed; allowed: at least 0 ns")
+        self.lead_ns = lead_ns
+        self.release_lead_ns = lead_ns if release_lead_ns is None else release_lead_ns
+        self._stale_ns = stale_ns
+        self._p = decision or DecisionParameters()
+        self._predictor = Predictor(prediction)
+        shape = (len(self._distances), len(self._radius_m))
+        self._touching = np.zeros(shape, dtype=bool)
+        self._turned_ns = np.full(shape, -NEVER_NS, dtype=np.int64)
+        self._act_ns = np.full(shape, NEVER_NS, dtype=np.int64)
+        self._aimed_ns = np.zeros(shape, dtype=np.int64)
+        self._ends: list[Decided] = []
+        self._seen_m = np.zeros(shape[0])
+        self._seen_ns = np.zeros(shape[0], dtype=np.int64)
+        self._next_ns = NEVER_NS
+        self._dies_ns = NEVER_NS
+
+    @property
+    def touching(self) -> NDArray[np.bool_]:
+        """Which site (column) is taken to touch which object (row)."""
+        return self._touching
+
+    def forget(self) -> None:
+        """No touch, no plan, no past frame."""
+        self._predictor.forget()
+        self._touching[:] = False
+        self._turned_ns[:] = -NEVER_NS
+        self._seen_m[:] = 0.0
+        self._ends.clear()
+        self._drop_plans()
+
+    def observe(self, time_ns: int, position_m: ArrayLike, now_ns: int) -> None:
+        """Plan anew from the frame sampled at ``time_ns``, in hand at ``now_ns``; frames that are not later change nothing.
+
+        :param position_m: the sites' centres, (n, d), metres; a site that was not seen keeps its state and gets no plan.
+        :raises InputError: another shape.
+        """
+        forecast = self._predictor.observe(time_ns, position_m)
+        if forecast is None:
+            return
+        self._drop_plans()
+        earliest_s = max(now_ns + self.lead_ns - time_ns, 0) / NS_PER_S
+        if now_ns - time_ns > self._stale_ns or earliest_s >= self._p.horizon_s:
+            return
+        self._dies_ns = time_ns + self._stale_ns
+        ahead_s = np.arange(earliest_s, self._p.horizon_s, STEP_S)
+        reach_m = forecast.reach_m(self._p.horizon_s)
+        farthest_m = float(np.nanmax(reach_m, initial=0.0))
+        near = self._seen_m - (FASTEST_M_S / NS_PER_S) * (time_ns - self._seen_ns) <= farthest_m
+        for index in (near | self._touching.any(axis=1)).nonzero()[0].tolist():
+            self._plan(index, forecast, ahead_s, reach_m, now_ns)
+        self._next_ns = int(self._act_ns.min(initial=NEVER_NS))
+
+    def due(self, now_ns: int) -> list[Decided]:
+        """What is to be done at this tick: ends first, then beginnings in the order of their times."""
+        if not self._ends and now_ns < self._next_ns:
+            return []
+        decided, self._ends = self._ends, []
+        if now_ns > self._dies_ns:
+            self._drop_plans()
+        rows, columns = (self._act_ns <= now_ns).nonzero()
+        for row, column in sorted(zip(rows.tolist(), columns.tolist(), strict=True), key=lambda at: (self._act_ns[at], at)):
+            decided.append(Decided(column, row, True, int(self._aimed_ns[row, column])))
+            self._touching[row, column] = True
+            self._turned_ns[row, column] = now_ns
+            self._act_ns[row, column] = NEVER_NS
+        self._next_ns = int(self._act_ns.min(initial=NEVER_NS))
+        return decided
+
+    def _plan(self, index: int, forecast: Forecast, ahead_s: Floats, reach_m: Floats, now_ns: int) -> None:
+        distance, touching = self._distances[index], self._touching[index]
+        now_m = distance(forecast.position_m) - self._radius_m
+        self._seen_m[index], self._seen_ns[index] = np.nanmin(now_m, initial=np.inf), forecast.time_ns
+        if touching.any():
+            self._end(index, forecast, now_m, now_ns)
+        sites = ((now_m <= reach_m) & ~touching).nonzero()[0]
+        if not len(sites):
+            return
+        path = forecast.path(ahead_s, sites)
+        ahead_m = distance(path.reshape(-1, path.shape[2])).reshape(path.shape[:2]) - self._radius_m[sites, None]
+        at_s = touch_ahead(ahead_s, ahead_m, forecast.deviation(ahead_s, sites), now_m[sites], self._p)
+        for site, touch_s in zip(sites.tolist(), at_s.tolist(), strict=True):
+            if touch_s == touch_s:
+                earliest_ns = self._turned_ns[index, site] + self._p.dwell_ns
+                aimed_ns = max(forecast.time_ns + round(touch_s * NS_PER_S), earliest_ns + self.lead_ns)
+                self._aimed_ns[index, site], self._act_ns[index, site] = aimed_ns, aimed_ns - self.lead_ns
+
+    def _end(self, index: int, forecast: Forecast, now_m: Floats, now_ns: int) -> None:
+        leaves_ns = now_ns + self.release_lead_ns
+        leaves_s = np.array([min((leaves_ns - forecast.time_ns) / NS_PER_S, self._p.horizon_s)])
+        then_m = self._distances[index](forecast.path(leaves_s)[:, 0]) - self._radius_m
+        off = (np.minimum(now_m, then_m) > self._p.release_m) & (now_ns - self._turned_ns[index] >= self._p.dwell_ns)
+        for site in (off & self._touching[index]).nonzero()[0].tolist():
+            self._touching[index, site] = False
+            self._turned_ns[index, site] = now_ns
+            self._ends.append(Decided(site, index, False, leaves_ns))
+
+    def _drop_plans(self) -> None:
+        self._act_ns[:] = NEVER_NS
+        self._next_ns = NEVER_NS
+        self._dies_ns = NEVER_NS

@@ -1,0 +1,308 @@
+"""The loop: poses come in at their own rate, devices are told what to do every tick.
+
+A pose moves the hand's sites; touches are predicted and decided once per pose (``docs/decisions/0005``), and a tick only compares
+times. What a scene asks for (contact, fixed sets, patterns, grasps, clutch rules) is mapped to the drivers here and nowhere
+else. The loop never blocks, and refuses poses that cannot be a hand's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+
+from haptics.devices import BrakeDriver, TactilesDriver
+from haptics.rendering.decision import TouchDecider
+from haptics.rendering.grasp_ahead import GraspAhead
+from haptics.scene.clutch_rules import BodyState
+from haptics.scene.contact import PinChange, Touch
+from haptics.scene.effects import GraspEffect
+from haptics.scene.grasp import GraspEvent
+from haptics.scene.hand import HandFrame, check_frame
+from haptics.scene.scene import Scene
+from haptics.scene.shapes import Placed
+from haptics.scene.sites import SITE, SITES, SiteMap
+from haptics.time import NS_PER_MS, NS_PER_S
+
+STALE_NS = 50 * NS_PER_MS
+"""A pose older than this is no longer predicted from."""
+LOST_NS = 100 * NS_PER_MS
+"""Without a pose for this long, everything goes off."""
+RULES_EVERY_NS = 5 * NS_PER_MS
+"""Clutch rules and body signals are looked at this often: far below the 100 ms in which a clutch acts (thesis 4.7.3)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Leads:
+    """How long before the touch a device must be told: command lead and the device's own time, from its model.
+
+    :param pin_s: coil pulse sent, to the pin at the skin.
+    :param brake_s: drive sent, to half of the steady blocking force; from total capacitance and volts.
+    """
+
+    pin_s: float
+    brake_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class LoopEvent:
+    """Something a person may want to read later. ``aimed_ns`` is the touch the loop acted for, where there is one."""
+
+    time_ns: int
+    kind: str
+    subject: str = ""
+    object: str = ""
+    detail: str = ""
+    aimed_ns: int | None = None
+
+
+class RenderLoop:
+    """Scene in, driver calls out.
+
+    :param scene: placed, so that every object has a place in the world.
+    :param sites: where the hand's sites are.
+    :param tactiles: driver of the array, or None where the scene has no use for one.
+    :param brake: driver of brakes or clutches, or None.
+    :param brake_amplitude_v: cap on a grasp's volts.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        sites: SiteMap,
+        tactiles: TactilesDriver | None,
+        brake: BrakeDriver | None,
+        leads: Leads,
+        start_ns: int = 0,
+        brake_amplitude_v: float = 1500.0,
+    ):
+        self.scene, self.sites = scene, sites
+        self.tactiles, self.brake = tactiles, brake
+        self._start_ns = start_ns
+        self._amplitude_v = brake_amplitude_v
+        self._fingers = scene.needs.brakes or scene.needs.piezos
+        self._contacts = scene.contact_tracker()
+        self._patterns = scene.pattern_bank()
+        self._watched = self._patterns.watched
+        self._grasps = scene.grasp_tracker()
+        self._rules = scene.clutch_rules() if scene.rules else None
+        self.signals = scene.body_signals()
+        self._clutch_v = {clutch.name: clutch.amplitude_v for clutch in scene.clutches}
+        self._engaged: frozenset[str] = frozenset()
+        self._rules_ns = start_ns
+        self._bodies: dict[str, Placed] = {item.name: item.body for item in scene.objects}
+        self._moving = tuple(item for item in scene.objects if item.motion is not None)
+        self._graspable = tuple(item.name for item in scene.objects if item.grasp is not None)
+        self._touchable = tuple(item.name for item in scene.objects if _can_be_touched(scene, item.name))
+        self._decider = TouchDecider(
+            [self._distance_of(name) for name in self._touchable],
+            sites.radius_m,
+            lead_ns=round(leads.pin_s * NS_PER_S),
+            stale_ns=STALE_NS,
+        )
+        self._ahead = GraspAhead(round(leads.brake_s * NS_PER_S), STALE_NS) if self._graspable and brake else None
+        self._previous: HandFrame | None = None
+        self._pose_ns: int | None = None
+        self._quiet = False
+        self._events: list[LoopEvent] = []
+        self.refused = 0
+
+    # Poses ----------------------------------------------------------------------------------------------------------
+
+    def submit(self, frame: HandFrame, now_ns: int) -> str | None:
+        """Take a pose that arrived at ``now_ns``; returns why it was refused, or None."""
+        reason = check_frame(frame, self._previous)
+        if reason is not None:
+            self.refused += 1
+            self._events.append(LoopEvent(now_ns, "pose_refused", frame.side, "", reason))
+            return reason
+        if self._previous is not None and frame.track_id != self._previous.track_id:
+            self.hand_gone(now_ns)
+        self._previous, self._pose_ns = frame, frame.time_ns
+        self._move_objects(now_ns)
+        positions = self.sites.positions(frame.position_m, frame.orientation_xyzw)
+        if self._quiet:
+            self._resume(positions, now_ns)
+        if self._graspable:
+            self._grasp(frame.time_ns, positions, now_ns)
+        if not self._quiet:
+            if self._touchable:
+                self._decider.observe(frame.time_ns, positions, now_ns)
+            for name in self._watched:
+                nearest_m = float((self._bodies[name].distance(positions) - self.sites.radius_m).min())
+                self._patterns.approach(name, nearest_m, now_ns)
+        return None
+
+    def hand_gone(self, now_ns: int) -> None:
+        """The tracker says that the hand is no longer there: let go of everything, quietly."""
+        self._let_go(now_ns)
+        self._previous = self._pose_ns = None
+
+    # Ticks ----------------------------------------------------------------------------------------------------------
+
+    def tick(self, now_ns: int) -> None:
+        """One period: watchdog, what was decided, patterns, rules, drivers."""
+        if self._pose_ns is not None and not self._quiet and now_ns - self._pose_ns > LOST_NS:
+            self._go_quiet(now_ns)
+        if self._touchable and not self._quiet:
+            for decided in self._decider.due(now_ns):
+                name = self._touchable[decided.object]
+                if decided.begins:
+                    touches, pins = self._contacts.touch(decided.site, name, now_ns)
+                else:
+                    touches, pins = self._contacts.leave(decided.site, name, now_ns)
+                self._apply(touches, pins, now_ns, decided.aimed_ns)
+        if self._ahead is not None and not self._quiet:
+            self._anticipate(now_ns)
+        if self.tactiles is not None:
+            for time_ns, site, _ in self._patterns.due(now_ns, now_ns + 4 * NS_PER_MS):
+                self.tactiles.pulse(SITES[site], now_ns, time_ns)
+        if self._rules is not None and now_ns >= self._rules_ns:
+            self._rules_ns = now_ns + RULES_EVERY_NS
+            self._obey_rules(now_ns)
+        if self.tactiles is not None:
+            self.tactiles.tick(now_ns)
+        if self.brake is not None:
+            self.brake.tick(now_ns)
+
+    def take_events(self) -> list[LoopEvent]:
+        """Events since the last call."""
+        events, self._events = self._events, []
+        return events
+
+    @property
+    def pins_wanted(self) -> Collection[int]:
+        """Sites whose pin the scene wants out."""
+        return self._contacts.pins_out
+
+    def body(self, name: str) -> Placed:
+        """An object where it is now.
+
+        :raises KeyError: no such object.
+        """
+        return self._bodies[name]
+
+    # Touch ----------------------------------------------------------------------------------------------------------
+
+    def _distance_of(self, name: str):  # noqa: ANN202 - a closure the decider calls
+        def distance(points_m):  # noqa: ANN001, ANN202
+            return self._bodies[name].distance(points_m)
+
+        return distance
+
+    def _apply(self, touches: list[Touch], pins: list[PinChange], now_ns: int, aimed_ns: int | None = None) -> None:
+        for touch in touches:
+            self._events.append(LoopEvent(now_ns, touch.kind, SITES[touch.site], touch.object, aimed_ns=aimed_ns))
+            if touch.first_or_last and touch.kind == "touch":
+                self._patterns.touch(touch.object, now_ns)
+            elif touch.first_or_last:
+                self._patterns.leave(touch.object)
+        if self.tactiles is None:
+            return
+        for pin in pins:
+            (self.tactiles.contact if pin.out else self.tactiles.release)(SITES[pin.site], now_ns)
+
+    # Grasp ----------------------------------------------------------------------------------------------------------
+
+    def _grasp(self, time_ns: int, positions, now_ns: int) -> None:  # noqa: ANN001
+        thumb, index = positions[SITE["thumb_tip"]], positions[SITE["index_tip"]]
+        for event in self._grasps.update(time_ns, thumb, index):
+            self._grasp_changed(event, now_ns)
+        for name in self._graspable:
+            self._bodies[name] = self._grasps.body(name)
+        if self._ahead is not None and not self._quiet:
+            self._ahead.observe(time_ns, thumb, index, self._grasps)
+
+    def _grasp_changed(self, event: GraspEvent, now_ns: int) -> None:
+        effect = self.scene.object(event.object).grasp
+        assert effect is not None  # only objects with a grasp effect are tracked
+        detail = f"ray {event.ray_m * 1e3:.1f} mm, penetration {event.penetration:.3f}, depth {event.depth_m * 1e3:.1f} mm"
+        self._events.append(LoopEvent(now_ns, f"grasp_{event.kind}", "", event.object, detail, event.time_ns))
+        if self.brake is None or self._quiet:
+            return
+        if event.kind == "begin":
+            if self._ahead is None or not self._ahead.confirm(event.object):
+                self._close(effect, now_ns)
+        elif effect.brakes:
+            self._open(now_ns)
+
+    def _anticipate(self, now_ns: int) -> None:
+        assert self._ahead is not None
+        name = self._ahead.due(now_ns)
+        if name is not None:
+            effect = self.scene.object(name).grasp
+            assert effect is not None
+            self._close(effect, now_ns)
+            self._events.append(LoopEvent(now_ns, "grasp_ahead", "", name))
+        if self._ahead.withdraw(now_ns) and self._grasps.held is None:
+            self._open(now_ns)
+            self._events.append(LoopEvent(now_ns, "grasp_withdrawn"))
+
+    def _close(self, effect: GraspEffect, now_ns: int) -> None:
+        assert self.brake is not None
+        fingers = self._fingers
+        if effect.brakes:
+            for finger in fingers:
+                self.brake.engage(finger, min(effect.amplitude_v, self._amplitude_v), now_ns)
+        if effect.piezo and effect.piezo_s > 0:
+            self.brake.piezo(fingers, effect.piezo_s, now_ns)
+
+    def _open(self, now_ns: int) -> None:
+        if self.brake is not None:
+            for finger in self._fingers:
+                self.brake.release(finger, now_ns)
+
+    # Rules ----------------------------------------------------------------------------------------------------------
+
+    def _obey_rules(self, now_ns: int) -> None:
+        assert self._rules is not None
+        state = BodyState(now_ns - self._start_ns, self.signals, self._grasps.held, self._contacts.touched)
+        wanted = self._rules.update(state) if not self._quiet else frozenset()
+        if wanted == self._engaged:
+            return
+        for name in sorted(wanted ^ self._engaged):
+            on = name in wanted
+            self._events.append(LoopEvent(now_ns, "clutch_on" if on else "clutch_off", name))
+            if self.brake is not None and on:
+                self.brake.engage(name, min(self._clutch_v[name], self._amplitude_v), now_ns)
+            elif self.brake is not None:
+                self.brake.release(name, now_ns)
+        self._engaged = wanted
+
+    def _move_objects(self, now_ns: int) -> None:
+        time_s = (now_ns - self._start_ns) / NS_PER_S
+        for item in self._moving:
+            self._bodies[item.name] = item.body_at(time_s)
+
+    # Watchdog -------------------------------------------------------------------------------------------------------
+
+    def _go_quiet(self, now_ns: int) -> None:
+        self._quiet = True
+        age_ms = (now_ns - self._pose_ns) / NS_PER_MS if self._pose_ns is not None else 0
+        self._events.append(LoopEvent(now_ns, "watchdog", "", "", f"no pose for {age_ms:.0f} ms; everything off"))
+        self._let_go(now_ns)
+
+    def _resume(self, positions, now_ns: int) -> None:  # noqa: ANN001
+        touching = any(bool((self._bodies[name].distance(positions) <= self.sites.radius_m).any()) for name in self._touchable)
+        if not touching:
+            self._quiet = False
+            self._events.append(LoopEvent(now_ns, "resumed"))
+
+    def _let_go(self, now_ns: int) -> None:
+        self._decider.forget()
+        if self._ahead is not None:
+            self._ahead.forget()
+        self._apply(*self._contacts.release_all(now_ns), now_ns)
+        self._patterns.stop()
+        for event in self._grasps.let_go(now_ns):
+            self._grasp_changed(event, now_ns)
+        if self.tactiles is not None:
+            self.tactiles.withdraw_all(now_ns)
+        if self.brake is not None:
+            self.brake.release_all(now_ns)
+        self._engaged = frozenset()
+
+
+def _can_be_touched(scene: Scene, name: str) -> bool:
+    kinds = {effect.kind for effect in scene.object(name).effects}
+    ruled = any(rule.kind == "on_contact" and name in rule.objects for rule in scene.rules)
+    return ruled or bool(kinds & {"contact", "fixed_set", "pattern"})

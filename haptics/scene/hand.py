@@ -1,0 +1,252 @@
+"""A hand as 26 joints, over time.
+
+The joints are those of OpenXR (``XR_EXT_hand_tracking``), in its order. The basis is OpenXR's too: right-handed, +X right,
++Y up, -Z forward, metres, quaternions ``(x, y, z, w)``. A joint's own axes: -Z along its bone toward the tip, +Y out of the
+back of the hand, so +X to the right of someone looking along the bone; the same for both hands. Time is integer nanoseconds.
+"""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from haptics.errors import InputError
+from haptics.time import NS_PER_S
+
+Floats = NDArray[np.float64]
+
+FINGERS = ("thumb", "index", "middle", "ring", "little")
+JOINTS: tuple[str, ...] = (
+    "palm",
+    "wrist",
+    *(f"thumb_{part}" for part in ("metacarpal", "proximal", "distal", "tip")),
+    *(f"{finger}_{part}" for finger in FINGERS[1:] for part in ("metacarpal", "proximal", "intermediate", "distal", "tip")),
+)
+JOINT = {name: index for index, name in enumerate(JOINTS)}
+SIDES = ("left", "right")
+
+FARTHEST_M = 10.0
+"""No joint lies farther than this from the tracker's origin, along any axis (assumed; a tracked room is smaller)."""
+FASTEST_M_S = 5.0
+"""A joint that moves faster than this between two frames has jumped, not moved."""
+NORM_TOLERANCE = 0.01
+"""How far a unit quaternion's norm may be from one; single precision over a network keeps it within 1e-6."""
+
+
+def _nominal_radius_m() -> Floats:
+    """Half the thickness of an adult hand at each joint, metres, shape (26,); assumed, as a tracker may not say."""
+    of_part = {"palm": 0.014, "wrist": 0.022, "metacarpal": 0.014, "proximal": 0.010, "intermediate": 0.009}
+    radius = np.array([of_part.get(name.split("_")[-1], 0.008) for name in JOINTS])
+    radius.flags.writeable = False
+    return radius
+
+
+NOMINAL_RADIUS_M = _nominal_radius_m()
+
+
+def joint_index(name: str) -> int:
+    """The place of a joint in ``JOINTS``; OpenXR and WebXR spellings are understood, and ``pinky`` is ``little``.
+
+    :raises InputError: no such joint.
+    """
+    plain = str(name).lower().replace("-", "_").removeprefix("xr_hand_joint_").removesuffix("_ext")
+    plain = plain.replace("_finger", "").replace("_phalanx", "").replace("pinky", "little")
+    if plain not in JOINT:
+        raise InputError(f"joint = {name!r} is not allowed; allowed: {', '.join(JOINTS)}, or WebXR's names for them")
+    return JOINT[plain]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class HandFrame:
+    """One hand at one moment.
+
+    :param time_ns: when the pose was sampled.
+    :param side: ``left`` or ``right``.
+    :param track_id: the same number as long as the tracker held the same hand without a break.
+    :param position_m: (26, 3), metres.
+    :param orientation_xyzw: (26, 4), unit quaternions.
+    :param valid: whether the tracker vouches for the pose.
+    :param radius_m: (26,), half the hand's thickness at each joint.
+    :param display_time_ns: the moment a tracker predicted the pose for, where that is not the sample time.
+    """
+
+    time_ns: int
+    side: str
+    track_id: int
+    position_m: Floats
+    orientation_xyzw: Floats
+    valid: bool = True
+    radius_m: Floats = field(default_factory=lambda: NOMINAL_RADIUS_M)
+    display_time_ns: int | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class HandTrack:
+    """One hand from when it appears until it is lost: n frames, strictly later one after another.
+
+    :param side: ``left`` or ``right``.
+    :param track_id: unique within its recording.
+    :param time_ns: (n,), int64.
+    :param position_m: (n, 26, 3), metres.
+    :param orientation_xyzw: (n, 26, 4), unit quaternions, of like sign from frame to frame.
+    :param radius_m: (26,), half the hand's thickness at each joint.
+    """
+
+    side: str
+    track_id: int
+    time_ns: NDArray[np.int64]
+    position_m: Floats
+    orientation_xyzw: Floats
+    radius_m: Floats = field(default_factory=lambda: NOMINAL_RADIUS_M)
+
+    def __len__(self) -> int:
+        return len(self.time_ns)
+
+    def joint_m(self, name: str) -> Floats:
+        """The path of one joint, (n, 3), metres.
+
+        :raises InputError: no such joint.
+        """
+        return self.position_m[:, joint_index(name)]
+
+    def frames(self) -> Iterator[HandFrame]:
+        """The track's frames in time order; their arrays are views."""
+        for time_ns, position_m, orientation_xyzw in zip(
+            self.time_ns.tolist(), self.position_m, self.orientation_xyzw, strict=True
+        ):
+            yield HandFrame(time_ns, self.side, self.track_id, position_m, orientation_xyzw, radius_m=self.radius_m)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class HandRecording:
+    """Hands recorded by one tracker; time zero is the first frame.
+
+    :param source: where it came from, for people.
+    :param tracks: in the order in which they begin.
+    :param frame_count: the tracker's frames, with or without a hand in them.
+    :param duration_s: from the first frame to the last.
+    :param dropped: what was left out while reading, and how often.
+    """
+
+    source: str
+    tracks: tuple[HandTrack, ...]
+    frame_count: int
+    duration_s: float
+    dropped: Mapping[str, int] = field(default_factory=dict)
+
+    def of_side(self, side: str) -> tuple[HandTrack, ...]:
+        """The tracks of one side, in the order in which they begin."""
+        return tuple(track for track in self.tracks if track.side == side)
+
+    def frames(self, side: str) -> Iterator[HandFrame]:
+        """The frames of one side in strict time order; where two tracks share a moment, the one that began first speaks."""
+        last_ns = None
+        for frame in heapq.merge(*(track.frames() for track in self.of_side(side)), key=lambda frame: frame.time_ns):
+            if frame.time_ns != last_ns:
+                last_ns = frame.time_ns
+                yield frame
+
+    @property
+    def side_with_most_frames(self) -> str:
+        """``left`` or ``right``; ``right`` where neither leads."""
+        count = {side: sum(map(len, self.of_side(side))) for side in SIDES}
+        return max(reversed(SIDES), key=lambda side: count[side])
+
+
+def with_palm(position_m: ArrayLike, orientation_xyzw: ArrayLike) -> tuple[Floats, Floats]:
+    """Put the palm in front of 25 joints that lack it, as WebXR's do.
+
+    The palm is the middle of the middle finger's metacarpal, which it shares the orientation of.
+
+    :param position_m: (..., 25, 3), metres, ``JOINTS`` from ``wrist`` on.
+    :param orientation_xyzw: (..., 25, 4).
+    :return: (..., 26, 3) and (..., 26, 4).
+    """
+    position, orientation = np.asarray(position_m, float), np.asarray(orientation_xyzw, float)
+    metacarpal, proximal = JOINT["middle_metacarpal"] - 1, JOINT["middle_proximal"] - 1
+    palm = 0.5 * (position[..., metacarpal, :] + position[..., proximal, :])
+    return (
+        np.concatenate([palm[..., None, :], position], axis=-2),
+        np.concatenate([orientation[..., metacarpal, None, :], orientation], axis=-2),
+    )
+
+
+def frame_of_joints(
+    time_ns: int, side: str, joints: Mapping[str, tuple[ArrayLike, ArrayLike]], track_id: int = 0, valid: bool = True
+) -> HandFrame:
+    """A frame from named joints, each a position (3,) in metres and an orientation (4,); the palm may be missing.
+
+    :raises InputError: an unknown side or joint, one given twice or missing, or not of that shape.
+    """
+    if side not in SIDES:
+        raise InputError(f"side = {side!r} is not allowed; allowed: {', '.join(SIDES)}")
+    position, orientation, seen = np.zeros((26, 3)), np.zeros((26, 4)), set[int]()
+    for name, (joint_position, joint_orientation) in joints.items():
+        index = joint_index(name)
+        if index in seen:
+            raise InputError(f"joint = {name!r} is given twice; allowed: each joint once")
+        try:
+            position[index], orientation[index] = joint_position, joint_orientation
+        except (TypeError, ValueError) as error:
+            raise InputError(f"joint {name!r} is not a position and a quaternion; allowed: 3 and 4 numbers") from error
+        seen.add(index)
+    missing = [name for name in JOINTS[1:] if JOINT[name] not in seen]
+    if missing:
+        raise InputError(f"joints are missing: {', '.join(missing)}; allowed: none but the palm")
+    if JOINT["palm"] not in seen:
+        position, orientation = with_palm(position[1:], orientation[1:])
+    return HandFrame(time_ns, side, track_id, position, orientation, valid)
+
+
+def check_frame(frame: HandFrame, previous: HandFrame | None) -> str | None:
+    """Why a pose must not move anything, or ``None`` if it may.
+
+    Refused: one the tracker does not vouch for, other shapes, numbers that are not finite, joints beyond ``FARTHEST_M``,
+    quaternions that are not of unit length, a time that does not increase, and, within one track, a joint faster than
+    ``FASTEST_M_S`` since ``previous``.
+
+    :param previous: the last frame of this hand that was accepted.
+    """
+    position, orientation = frame.position_m, frame.orientation_xyzw
+    if not frame.valid:
+        return "the tracker does not vouch for the pose"
+    if position.shape != (26, 3) or orientation.shape != (26, 4):
+        return f"shapes {position.shape} and {orientation.shape}; allowed: (26, 3) and (26, 4)"
+    if not (np.isfinite(position).all() and np.isfinite(orientation).all()):
+        return "a number is not finite"
+    joint, axis = divmod(int(np.abs(position).argmax()), 3)
+    if abs(position[joint, axis]) > FARTHEST_M:
+        return f"{JOINTS[joint]} lies at {position[joint, axis]:g} m along {'xyz'[axis]}; allowed: within {FARTHEST_M:g} m"
+    norm = np.sqrt(np.einsum("ij,ij->i", orientation, orientation))
+    joint = int(np.abs(norm - 1.0).argmax())
+    if abs(norm[joint] - 1.0) > NORM_TOLERANCE:
+        return f"the quaternion of {JOINTS[joint]} has norm {norm[joint]:g}; allowed: 1 within {NORM_TOLERANCE:g}"
+    if previous is None:
+        return None
+    if frame.time_ns <= previous.time_ns:
+        return f"its time {frame.time_ns} ns does not follow {previous.time_ns} ns"
+    if frame.track_id == previous.track_id and frame.side == previous.side:
+        step = position - previous.position_m
+        moved_m = np.sqrt(np.einsum("ij,ij->i", step, step))
+        joint = int(moved_m.argmax())
+        speed_m_s = moved_m[joint] * NS_PER_S / (frame.time_ns - previous.time_ns)
+        if speed_m_s > FASTEST_M_S:
+            return f"{JOINTS[joint]} jumped at {speed_m_s:.3g} m/s; allowed: up to {FASTEST_M_S:g} m/s"
+    return None
+
+
+def mirrored(frame: HandFrame) -> HandFrame:
+    """The other hand doing the same: reflected in the plane x = 0.
+
+    ``p -> (-x, y, z)`` and ``R -> M R M`` with ``M = diag(-1, 1, 1)``, which is ``q -> (x, -y, -z, w)``.
+    """
+    return replace(
+        frame,
+        side="left" if frame.side == "right" else "right",
+        position_m=frame.position_m * (-1.0, 1.0, 1.0),
+        orientation_xyzw=frame.orientation_xyzw * (1.0, -1.0, -1.0, 1.0),
+    )

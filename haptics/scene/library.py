@@ -1,0 +1,46 @@
+"""Finding scenes: the ones that ship, and files of one's own."""
+
+from __future__ import annotations
+
+from importlib import resources
+from os import PathLike
+from pathlib import Path
+
+from haptics.errors import InputError
+from haptics.scene.scene import Scene
+
+_SUFFIX = ".toml"
+_SHIPPED = resources.files("haptics.scene") / "data"
+
+
+def shipped_scenes() -> list[tuple[str, str]]:
+    """Name and summary of every scene that ships, by name."""
+    return [(name, load_scene(name).summary) for name in _shipped_names()]
+
+
+def load_scene(source: str | PathLike[str]) -> Scene:
+    """A scene: a shipped one by its name, or a TOML file (told by its suffix or a folder in its name).
+
+    :raises InputError: no such scene or file, or its content is not a scene; with file, line and key.
+    """
+    from haptics.scene.model import read_scene  # here, as pydantic takes a third of a second to import
+
+    path = Path(source)
+    if isinstance(source, str) and path.suffix != _SUFFIX and path.name == source:
+        if source not in _shipped_names():
+            raise InputError(
+                f"scene = {source!r} does not ship; allowed: {', '.join(_shipped_names())}, or the path of a {_SUFFIX} file"
+            )
+        return read_scene((_SHIPPED / f"{source}{_SUFFIX}").read_text("utf-8"), source, f"{source}{_SUFFIX}")
+    try:
+        text = path.read_text("utf-8")
+    except (OSError, ValueError) as error:
+        shipped = ", ".join(_shipped_names())
+        raise InputError(
+            f"scene {str(path)!r} cannot be read: {error}; allowed: a {_SUFFIX} file, or one of: {shipped}"
+        ) from error
+    return read_scene(text, path.stem, str(path), path.parent)
+
+
+def _shipped_names() -> list[str]:
+    return sorted(item.name.removesuffix(_SUFFIX) for item in _SHIPPED.iterdir() if item.name.endswith(_SUFFIX))

@@ -1,0 +1,151 @@
+"""The scene file: TOML in, ``Scene`` out. Docs: ``docs/reference/scenes.md``.
+
+Every table is read strictly: an unknown key, a text where a number belongs, an infinite number, each is refused with
+file, line and key.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import tomllib
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from haptics.errors import InputError
+from haptics.scene.clutch_rules import ByGrasp, HeldPosture, OnContact, SelectiveResistance
+from haptics.scene.effects import ContactEffect, FixedSetEffect, GraspEffect, PatternEffect, ProximityEffect
+from haptics.scene.mesh import load_mesh
+from haptics.scene.objects import Motion, SceneObject
+from haptics.scene.pose import IDENTITY_XYZW, Pose
+from haptics.scene.scene import Clutch, Scene
+from haptics.scene.shapes import Box, Capsule, Cylinder, Placed, Plane, Shape, Sphere
+from haptics.scene.signals import Signal
+
+AnyEffect = Annotated[ContactEffect | FixedSetEffect | PatternEffect | ProximityEffect | GraspEffect, Field(discriminator="kind")]
+Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class MeshFile(_Table):
+    """A closed triangle mesh in a file beside the scene file."""
+
+    kind: Literal["mesh"]
+    file: str
+    scale: float = Field(default=1.0, gt=0.0, description="metres per unit of the file")
+
+
+class ObjectTable(_Table):
+    """One ``[[objects]]`` table."""
+
+    name: Name
+    shape: Annotated[Sphere | Box | Capsule | Cylinder | Plane | MeshFile, Field(discriminator="kind")]
+    position_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    orientation_xyzw: tuple[float, float, float, float] = IDENTITY_XYZW
+    placement: Literal["world", "palm", "in_hand"] = "world"
+    effects: tuple[AnyEffect, ...] = ()
+    motion: Motion | None = None
+    summary: str = ""
+
+    def object(self, folder: Path | None) -> SceneObject:
+        """The object, its mesh read if it has one."""
+        pose = Pose(self.position_m, self.orientation_xyzw)
+        resolved = self.placement == "world"
+        return SceneObject(
+            self.name, Placed(self._shape(folder), pose), self.effects, self.placement, self.motion, self.summary, resolved
+        )
+
+    def _shape(self, folder: Path | None) -> Shape:
+        if not isinstance(self.shape, MeshFile):
+            return self.shape
+        return load_mesh((folder or Path()) / self.shape.file, self.shape.scale)
+
+
+class SceneFile(_Table):
+    """A whole scene file."""
+
+    summary: str = Field(min_length=1)
+    source: str = ""
+    grasp_rule: Literal["rearming", "thesis"] = "rearming"
+    objects: tuple[ObjectTable, ...] = ()
+    signals: tuple[Signal, ...] = ()
+    clutches: tuple[Clutch, ...] = ()
+    rules: tuple[Annotated[ByGrasp | HeldPosture | SelectiveResistance | OnContact, Field(discriminator="kind")], ...] = ()
+
+    def scene(self, name: str, objects: tuple[SceneObject, ...]) -> Scene:
+        """The scene, from the objects that its tables gave."""
+        return Scene(
+            name=name,
+            objects=objects,
+            signals=self.signals,
+            clutches=self.clutches,
+            rules=self.rules,
+            grasp_rule=self.grasp_rule,
+            summary=self.summary,
+            source=self.source,
+        )
+
+
+def read_scene(text: str, name: str, place: str, folder: Path | None = None) -> Scene:
+    """A scene from a file's text.
+
+    :param place: what to call the file in messages. :param folder: where its mesh files lie.
+    :raises InputError: not TOML, or not a scene; with file, line and key.
+    """
+    try:
+        data = tomllib.loads(text)
+        as_json = json.dumps(data)  # strict JSON mode takes an array for a tuple, and nothing else for what it is not
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"{place} is not TOML: {error}") from error
+    except (TypeError, RecursionError) as error:
+        raise InputError(f"{place}: {error}; allowed: texts, numbers, true, false, arrays and tables") from error
+    try:
+        file = SceneFile.model_validate_json(as_json, strict=True)
+    except ValidationError as error:
+        raise InputError(_explained(error, text, place)) from error
+    objects = tuple(_object(table, index, folder, text, place) for index, table in enumerate(file.objects))
+    try:
+        return file.scene(name, objects)
+    except InputError as error:
+        raise InputError(f"{place}: {error}") from error
+
+
+def _object(table: ObjectTable, index: int, folder: Path | None, text: str, place: str) -> SceneObject:
+    try:
+        return table.object(folder)
+    except InputError as error:
+        raise InputError(f"{place}:{_line_of(text, ('objects', index))}: object {table.name!r}: {error}") from error
+
+
+def _explained(error: ValidationError, text: str, place: str) -> str:
+    """Every fault on a line of its own: file, line, key, what is wrong, what was found."""
+    faults = []
+    for fault in error.errors(include_url=False):
+        key = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in fault["loc"]).lstrip(".")
+        found = fault["input"]
+        seen = f" (found {found!r:.60})" if isinstance(found, str | int | float | bool) else ""
+        what = fault["msg"].removeprefix("Value error, ")
+        faults.append(f"{place}:{_line_of(text, fault['loc'])}: {key or 'the file'}: {what}{seen}")
+    return "\n".join(faults)
+
+
+def _line_of(text: str, keys: tuple[int | str, ...]) -> int:
+    """The line, from 1, that best fits a place such as ``("objects", 2, "shape")``: TOML's reader keeps no lines."""
+    lines = text.splitlines() or [""]
+    first, last = 0, len(lines)
+    if len(keys) >= 2 and isinstance(keys[1], int):
+        headers = [n for n, line in enumerate(lines) if re.match(rf"\s*\[\[\s*{re.escape(str(keys[0]))}\s*\]\]", line)]
+        if keys[1] < len(headers):
+            first = headers[keys[1]]
+            following = (n for n in range(first + 1, last) if re.match(r"\s*\[\[\s*\w+\s*\]\]", lines[n]))
+            last = next(following, last)
+    for key in reversed([key for key in keys[1 if first else 0 :] if isinstance(key, str)]):
+        for number in range(first, last):
+            if re.search(rf"(^|[\s{{,.\[]){re.escape(key)}\s*[=\].]", lines[number]):
+                return number + 1
+    return first + 1

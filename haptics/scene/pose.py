@@ -1,0 +1,120 @@
+"""Where a rigid thing is: a position and a unit quaternion, and the few operations a scene needs of them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from haptics.errors import InputError
+
+Array = NDArray[np.float64]
+IDENTITY_XYZW = (0.0, 0.0, 0.0, 1.0)
+_UNIT_TOLERANCE = 1e-3  # a quaternion written with three decimals still passes; anything further off is a mistake
+
+
+@dataclass(frozen=True)
+class Pose:
+    """A rigid pose: ``p_world = R(orientation_xyzw) · p_local + position_m``.
+
+    :param position_m: origin of the local frame in the world, 3 numbers, metres.
+    :param orientation_xyzw: quaternion x, y, z, w, of length 1 within 1e-3 (normalised here).
+    :raises InputError: not finite, wrong length, or not a unit quaternion.
+    """
+
+    position_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    orientation_xyzw: tuple[float, float, float, float] = IDENTITY_XYZW
+
+    def __post_init__(self) -> None:
+        position = _numbers("position_m", self.position_m, 3)
+        quaternion = _numbers("orientation_xyzw", self.orientation_xyzw, 4)
+        length = math.sqrt(sum(q * q for q in quaternion))
+        if abs(length - 1.0) > _UNIT_TOLERANCE:
+            raise InputError(
+                f"orientation_xyzw = {list(quaternion)} has length {length:.4g}; allowed: a unit quaternion x, y, z, w"
+            )
+        object.__setattr__(self, "position_m", position)
+        object.__setattr__(self, "orientation_xyzw", tuple(q / length for q in quaternion))
+        x, y, z, w = self.orientation_xyzw
+        rotation = np.array(
+            [
+                [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+                [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+                [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+            ]
+        )
+        object.__setattr__(self, "_rotation", rotation)
+        object.__setattr__(self, "_origin", np.array(position))
+
+    @property
+    def rotation(self) -> Array:
+        """The rotation matrix, (3, 3)."""
+        return self._rotation  # type: ignore[attr-defined]  # set once, beside the fields, because it is derived
+
+    @property
+    def origin_m(self) -> Array:
+        """``position_m`` as an array, (3,)."""
+        return self._origin  # type: ignore[attr-defined]
+
+    def to_world(self, points_m: Array) -> Array:
+        """Local points (n, 3) in the world, metres."""
+        return points_m @ self.rotation.T + self.origin_m
+
+    def to_local(self, points_m: Array) -> Array:
+        """World points (n, 3) in the local frame, metres."""
+        return (points_m - self.origin_m) @ self.rotation
+
+    def shifted(self, offset_m: Sequence[float] | Array) -> Pose:
+        """This pose moved by ``offset_m`` in world axes."""
+        x, y, z = (self.origin_m + np.asarray(offset_m, float)).tolist()
+        return Pose((x, y, z), self.orientation_xyzw)
+
+    def turned_about(self, pivot_m: Array, turn_xyzw: Sequence[float], to_m: Array) -> Pose:
+        """This pose turned by ``turn_xyzw`` (world axes) about ``pivot_m``, the pivot then carried to ``to_m``."""
+        turn = Pose((0.0, 0.0, 0.0), _four(turn_xyzw))
+        x, y, z = (turn.rotation @ (self.origin_m - pivot_m) + to_m).tolist()
+        return Pose((x, y, z), multiply_xyzw(turn.orientation_xyzw, self.orientation_xyzw))
+
+
+def multiply_xyzw(a: Sequence[float], b: Sequence[float]) -> tuple[float, float, float, float]:
+    """Quaternion product ``a·b``: the turn ``b`` followed by the turn ``a``, normalised."""
+    ax, ay, az, aw = a
+    bx, by, bz, bw = b
+    product = (
+        aw * bx + ax * bw + ay * bz - az * by,
+        aw * by - ax * bz + ay * bw + az * bx,
+        aw * bz + ax * by - ay * bx + az * bw,
+        aw * bw - ax * bx - ay * by - az * bz,
+    )
+    length = math.sqrt(sum(q * q for q in product))
+    return _four([q / length for q in product])
+
+
+def shortest_turn_xyzw(start: Array, end: Array) -> tuple[float, float, float, float]:
+    """The smallest rotation that takes direction ``start`` to ``end`` (both (3,), any length above zero).
+
+    Opposite directions leave the axis open; one at right angles to ``start`` is taken, always the same one.
+    """
+    u, v = start / np.linalg.norm(start), end / np.linalg.norm(end)
+    cosine = float(u @ v)
+    if cosine < -1.0 + 1e-12:
+        axis = np.cross(u, np.eye(3)[int(np.argmin(np.abs(u)))])
+        axis /= np.linalg.norm(axis)
+        return _four([*axis.tolist(), 0.0])
+    quaternion = np.append(np.cross(u, v), 1.0 + cosine)
+    return _four((quaternion / np.linalg.norm(quaternion)).tolist())
+
+
+def _four(values: Sequence[float]) -> tuple[float, float, float, float]:
+    x, y, z, w = values
+    return (float(x), float(y), float(z), float(w))
+
+
+def _numbers(name: str, values: Sequence[float], count: int) -> tuple[float, ...]:
+    numbers = tuple(float(value) for value in values)
+    if len(numbers) != count or not all(math.isfinite(number) for number in numbers):
+        raise InputError(f"{name} = {list(numbers)} is not allowed; allowed: {count} finite numbers")
+    return numbers

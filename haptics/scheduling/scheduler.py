@@ -1,0 +1,274 @@
+"""Which coil when: a pure scheduler in virtual time.
+
+``submit`` takes wishes, ``step`` turns them into coil pulses with exact start times. A share of the supply's current is a
+*slot*; as many units run at once as there are slots, and nothing that has been given out is taken back. Wherever a slot is
+free and somebody may start, somebody starts: that is what the latency bounds rest on (``latency.py``, and
+``docs/explanation/schedule.md`` for the proofs).
+
+Heat is booked in full at the end of each unit, which is never less than the truth, and asked for at its start. Whatever is
+admitted leaves room for one release on its coil, so that a pin can always be withdrawn.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from haptics.errors import InputError
+from haptics.scheduling.limits import CoilLimits
+from haptics.scheduling.requests import CHANNELS, LONGEST_STROKE_S, CoilPulse, Outcome, Priority, Request, Stroke
+from haptics.scheduling.thermal_budget import ThermalBudget
+from haptics.time import NS_PER_S, seconds_to_ns
+
+_FOREVER_NS = 1 << 62
+
+
+class _Wish:
+    """A request under way: waiting for its first unit, or a burst between two cycles."""
+
+    __slots__ = ("begun_ns", "cycles", "due_ns", "held_by", "latest_ns", "lengths_ns", "order", "request", "units")
+
+    def __init__(self, request: Request, now_ns: int, serial: int):
+        self.request = request
+        self.units: tuple[tuple[Stroke, ...], ...] = request.units
+        self.lengths_ns = [sum(seconds_to_ns(stroke.duration_s) for stroke in unit) for unit in self.units]
+        self.due_ns = max(request.start_ns, now_ns)
+        self.latest_ns = _FOREVER_NS if request.latest_ns is None else request.latest_ns
+        self.order: tuple[int, ...] = (int(request.priority), 1, self.due_ns, serial)
+        self.cycles = 0
+        self.begun_ns: int | None = None
+        self.held_by: str | None = None
+
+
+class Scheduler:
+    """Coils of one array under a current limit, each with its own heat account.
+
+    Times are integer nanoseconds of the caller's clock. Starts unarmed.
+
+    :param channels: number of coils.
+    :param limits: current, power of a coil, gap.
+    :param budgets: one heat account a coil; None: fresh ones with the default limit.
+    :raises InputError: numbers that do not match, or a rise limit under which not even one release could ever play.
+    """
+
+    def __init__(
+        self, channels: int = CHANNELS, limits: CoilLimits | None = None, budgets: Sequence[ThermalBudget] | None = None
+    ):
+        if channels < 1:
+            raise InputError(f"channels = {channels} is not allowed; allowed: at least 1")
+        self.limits = limits if limits is not None else CoilLimits()
+        self.budgets = [ThermalBudget() for _ in range(channels)] if budgets is None else list(budgets)
+        if len(self.budgets) != channels:
+            raise InputError(f"budgets has {len(self.budgets)} accounts; allowed: {channels}, one a channel")
+        self._power_w = self.limits.power_w(channels)
+        self._reserve_j = [power_w * LONGEST_STROKE_S for power_w in self._power_w]  # any release
+        for channel, (budget, reserve_j) in enumerate(zip(self.budgets, self._reserve_j, strict=True)):
+            if reserve_j > 0 and budget.wait_s(1, budget.latest_ns, reserve_j) == math.inf:
+                raise InputError(
+                    f"limit_k = {budget.limit_k:g} K of channel {channel} is not allowed: one release warms the coil by more"
+                )
+        self._gap_ns = seconds_to_ns(self.limits.gap_s)
+        self._slot_free_ns = [-_FOREVER_NS] * self.limits.coils_at_once
+        self._channel_free_ns = [-_FOREVER_NS] * channels
+        self._release_paid = [False] * channels
+        self._waiting: dict[int, _Wish] = {}
+        self._bursting: dict[int, _Wish] = {}
+        self._next_ns = _FOREVER_NS  # nothing can happen before this
+        self._serial = 0
+        self.armed = False
+
+    @property
+    def pending(self) -> int:
+        """Requests without an outcome yet."""
+        return len(self._waiting) + len(self._bursting)
+
+    def set_armed(self, armed: bool) -> list[Outcome]:
+        """Allow starts, or forbid them: everything pending is then denied, ``unarmed``."""
+        self.armed = armed
+        return [] if armed else self.stop("unarmed")
+
+    def stop(self, reason: str = "stopped") -> list[Outcome]:
+        """Deny everything pending for ``reason``; a burst under way ends after the cycles already given out.
+
+        What was given out stays booked (current, heat): whether a board still played it is the link's knowledge. Arming is
+        left as it is.
+        """
+        outcomes = [_cut(wish, reason) for wish in self._bursting.values()]
+        outcomes += [_denied(wish, reason) for wish in self._waiting.values()]
+        self._bursting.clear()
+        self._waiting.clear()
+        self._next_ns = _FOREVER_NS
+        return outcomes
+
+    def submit(self, request: Request, now_ns: int) -> list[Outcome]:
+        """Take a request. It replaces the one that waits on its channel, which is denied ``superseded``.
+
+        A unit that plays on the channel is finished first; a burst there ends before the cycle that would run past the new
+        request's start. The new one may itself be refused at once: ``unarmed``; ``current`` if not even one coil is allowed;
+        ``late``.
+
+        :returns: outcomes that are known already, of this request or the one it replaced.
+
+        :raises InputError: no such channel.
+        """
+        channel = request.channel
+        if channel >= len(self.budgets):
+            raise InputError(f"channel = {channel} is not allowed; allowed: 0 to {len(self.budgets) - 1}")
+        self._serial += 1
+        wish = _Wish(request, now_ns, self._serial)
+        older = self._waiting.pop(channel, None)
+        outcomes = [] if older is None else [_denied(older, "superseded", self._holder(older, now_ns))]
+        if not self.armed:
+            outcomes.append(_denied(wish, "unarmed"))
+        elif not self._slot_free_ns:
+            outcomes.append(_denied(wish, "current"))
+        elif wish.latest_ns < now_ns:
+            outcomes.append(_denied(wish, "late"))
+        else:
+            self._waiting[channel] = wish
+            self._next_ns = min(self._next_ns, wish.due_ns)
+        return outcomes
+
+    def step(self, now_ns: int, until_ns: int) -> tuple[list[CoilPulse], list[Outcome]]:
+        """Commit every start that falls into ``now_ns <= start <= until_ns``; final.
+
+        Starts are exact: the moment a slot or a coil falls free, or a request's earliest start. For that the spans of
+        successive calls must touch (``until_ns`` not before the next call's ``now_ns``). A longer span lets a board know
+        ahead, and lets a later, more urgent request wait that much longer. Pulses come out in order of their commitment;
+        each coil's in order of time.
+
+        :returns: pulses to send, and outcomes: of what was committed whole, of bursts that were cut, of what was denied.
+        :raises InputError: ``until_ns`` before ``now_ns``.
+        """
+        if now_ns > until_ns:
+            raise InputError(f"until_ns = {until_ns} is not allowed; allowed: at least now_ns = {now_ns}")
+        if until_ns < self._next_ns:
+            return [], []
+        pulses: list[CoilPulse] = []
+        outcomes: list[Outcome] = []
+        at_ns = now_ns
+        while at_ns <= until_ns:
+            self._start_all(at_ns, pulses, outcomes)
+            at_ns = self._next_event_ns(at_ns)
+        self._deny_late(until_ns + 1, outcomes)
+        self._next_ns = min([at_ns, *(wish.latest_ns for wish in self._waiting.values())])
+        return pulses, outcomes
+
+    def rise_k(self, now_ns: int) -> list[float]:
+        """Rise of each coil (K), with all that was given out booked, even if it plays a little after ``now_ns``."""
+        return [budget.rise_k(max(now_ns, budget.latest_ns)) for budget in self.budgets]
+
+    def headroom_k(self, now_ns: int) -> list[float]:
+        """Room under each coil's limit (K); likewise."""
+        return [budget.headroom_k(max(now_ns, budget.latest_ns)) for budget in self.budgets]
+
+    def _start_all(self, at_ns: int, pulses: list[CoilPulse], outcomes: list[Outcome]) -> None:
+        """Start whoever may start at ``at_ns``, most urgent first, while slots last."""
+        self._deny_late(at_ns, outcomes)
+        ready = [w for c, w in self._waiting.items() if w.due_ns <= at_ns and self._channel_free_ns[c] <= at_ns]
+        for channel, wish in list(self._bursting.items()):
+            if wish.due_ns <= at_ns:
+                newer = self._waiting.get(channel)
+                if newer is not None and newer.due_ns < at_ns + wish.lengths_ns[wish.cycles] + self._gap_ns:
+                    outcomes.append(_cut(self._bursting.pop(channel), "channel"))
+                else:
+                    ready.append(wish)
+        ready.sort(key=_urgency)
+        for wish in ready:
+            self._start(wish, at_ns, pulses, outcomes)
+
+    def _start(self, wish: _Wish, at_ns: int, pulses: list[CoilPulse], outcomes: list[Outcome]) -> None:
+        """Commit the next unit of ``wish`` at ``at_ns``, or leave it waiting, or end it."""
+        channel, playing = wish.request.channel, wish.begun_ns is not None
+        slot = self._free_slot(at_ns)
+        obstacle = "current" if slot is None else self._heat_obstacle(wish, at_ns)
+        if obstacle is not None:
+            if playing:
+                outcomes.append(_cut(self._bursting.pop(channel), obstacle))
+            elif obstacle == "heat" and wish.request.priority is not Priority.RELEASE:
+                outcomes.append(_denied(self._waiting.pop(channel), "heat", "heat"))
+            return
+        assert slot is not None
+        unit, end_ns = wish.units[wish.cycles], at_ns + wish.lengths_ns[wish.cycles]
+        stroke_ns = at_ns
+        for stroke in unit:
+            pulses.append(CoilPulse(channel, stroke_ns, stroke.duration_s, stroke.toward_skin, wish.request.token))
+            stroke_ns += seconds_to_ns(stroke.duration_s)
+        wish.held_by = wish.held_by if playing else self._holder(wish, at_ns - 1)
+        self.budgets[channel].spend(self._unit_energy_j(wish), end_ns)
+        self._release_paid[channel] = wish.request.priority is not Priority.RELEASE
+        self._slot_free_ns[slot] = self._channel_free_ns[channel] = end_ns + self._gap_ns
+        if not playing:
+            wish.begun_ns = at_ns
+            self._bursting[channel] = self._waiting.pop(channel)
+            wish.order = (int(wish.request.priority), 0, *wish.order[2:])  # its next cycle goes before its class
+        wish.cycles += 1
+        wish.due_ns = self._channel_free_ns[channel]
+        if wish.cycles == len(wish.units):
+            del self._bursting[channel]
+            outcomes.append(Outcome(wish.request, True, None, wish.begun_ns, wish.cycles, wish.held_by))
+
+    def _free_slot(self, at_ns: int) -> int | None:
+        """The slot longest in use among those free at ``at_ns``: slots that have been idle stay good for earlier starts."""
+        best = None
+        for slot, free_ns in enumerate(self._slot_free_ns):
+            if free_ns <= at_ns and (best is None or free_ns > self._slot_free_ns[best]):
+                best = slot
+        return best
+
+    def _heat_obstacle(self, wish: _Wish, at_ns: int) -> str | None:
+        """``heat`` if the next unit may not start at ``at_ns``.
+
+        A release that an admitted pulse has paid for is never held. Another one (the pin should be in already) is made to
+        wait until the coil has cooled enough, which is moved into its due time.
+        """
+        channel, budget = wish.request.channel, self.budgets[wish.request.channel]
+        energy_j = self._unit_energy_j(wish)
+        if wish.request.priority is not Priority.RELEASE:
+            return None if budget.allows(energy_j, at_ns, self._reserve_j[channel]) else "heat"
+        if self._release_paid[channel] or budget.allows(energy_j, at_ns):
+            return None
+        wish.held_by = "heat"
+        wait_s = budget.wait_s(1, at_ns, energy_j)
+        wish.due_ns = _FOREVER_NS if wait_s == math.inf else at_ns + math.ceil(wait_s * NS_PER_S) + 1
+        return "heat"
+
+    def _unit_energy_j(self, wish: _Wish) -> float:
+        return self._power_w[wish.request.channel] * wish.lengths_ns[wish.cycles] / NS_PER_S
+
+    def _next_event_ns(self, after_ns: int) -> int:
+        """The next moment at which somebody who waits could start."""
+        next_ns = _FOREVER_NS
+        slot_ns = min(self._slot_free_ns, default=_FOREVER_NS)
+        for channel, wish in self._waiting.items():
+            next_ns = min(next_ns, max(wish.due_ns, self._channel_free_ns[channel], slot_ns))
+        for wish in self._bursting.values():
+            next_ns = min(next_ns, wish.due_ns)
+        return max(next_ns, after_ns + 1)
+
+    def _deny_late(self, at_ns: int, outcomes: list[Outcome]) -> None:
+        late = [channel for channel, wish in self._waiting.items() if wish.latest_ns < at_ns]
+        for channel in late:
+            wish = self._waiting.pop(channel)
+            outcomes.append(_denied(wish, "late", self._holder(wish, wish.latest_ns)))
+
+    def _holder(self, wish: _Wish, at_ns: int) -> str | None:
+        """What keeps ``wish`` from starting at ``at_ns``, or last kept it."""
+        if wish.due_ns <= at_ns:
+            if self._channel_free_ns[wish.request.channel] > at_ns:
+                return "channel"
+            if min(self._slot_free_ns) > at_ns:
+                return "current"
+        return wish.held_by
+
+
+def _urgency(wish: _Wish) -> tuple[int, ...]:
+    return wish.order
+
+
+def _cut(wish: _Wish, held_by: str) -> Outcome:
+    return Outcome(wish.request, True, "cut", wish.begun_ns, wish.cycles, held_by)
+
+
+def _denied(wish: _Wish, reason: str, held_by: str | None = None) -> Outcome:
+    return Outcome(wish.request, False, reason, None, 0, held_by)

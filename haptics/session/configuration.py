@@ -1,0 +1,117 @@
+"""``glove.toml``: which glove this is. Checked here, once, at the edge; frozen afterwards.
+
+Limits may be lowered, never raised past what the firmware holds (the upper ends below are the firmware's own).
+"""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
+
+from haptics.errors import InputError
+from haptics.link.messages import BRAKE_CHANNELS, COIL_CHANNELS, DEFAULT_BAUD
+from haptics.scene.sites import SITES
+
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+
+
+class _Part(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class ActuatorCalibration(_Part):
+    """What a bench measured of one actuator; absent values keep the published ones (thesis 3.4.3, 3.5.2)."""
+
+    tau_s: Annotated[float, Field(ge=20, le=500)] = 102.0
+    c_k_per_w: Annotated[float, Field(ge=10, le=300)] = 69.0
+    power_w: Annotated[float, Field(ge=1, le=40)] = 18.0
+
+
+class TactilesConfiguration(_Part):
+    """The array of tactors. ``sites[i]`` is where channel ``i`` sits on the hand."""
+
+    port: str = "sim://tactiles"
+    baud: int = Field(DEFAULT_BAUD, ge=9600, le=2_000_000)
+    sites: tuple[str, ...] = tuple(SITES)
+    rise_limit_k: Annotated[float, Field(ge=1, le=60)] = Field(25.0, description="temperature rise limit, K (assumed)")
+    current_limit_a: Annotated[float, Field(ge=3.9, le=12.0)] = Field(12.0, description="all coils together, A")
+    coil_current_a: Annotated[float, Field(ge=1, le=5)] = Field(3.9, description="one coil at its lowest resistance, A")
+    contact_pulse_s: Annotated[float, Field(ge=0.001, le=0.010)] = Field(0.010, description="contact and release, s (3.4.3)")
+    calibration: dict[str, ActuatorCalibration] = Field(default_factory=dict)
+
+    @field_validator("sites")
+    @classmethod
+    def _known_sites(cls, sites: tuple[str, ...]) -> tuple[str, ...]:
+        unknown = [s for s in sites if s not in SITES]
+        if unknown or len(set(sites)) != len(sites) or len(sites) > COIL_CHANNELS:
+            raise ValueError(f"at most {COIL_CHANNELS} different sites out of: {', '.join(SITES)}; got {', '.join(sites)}")
+        return sites
+
+
+class BrakeConfiguration(_Part):
+    """Brakes or clutches on one high-voltage supply. ``channels[i]`` names what output ``i`` drives."""
+
+    port: str = "sim://brake"
+    baud: int = Field(DEFAULT_BAUD, ge=9600, le=2_000_000)
+    channels: tuple[str, ...] = ("index", "thumb")
+    amplitude_v: Annotated[float, Field(ge=0, le=1500)] = Field(1000.0, description="on a grasp, V (4.5.2)")
+    clutch_amplitude_v: Annotated[float, Field(ge=0, le=1500)] = Field(350.0, description="garment clutch, V (6.3.3)")
+    frequency_hz: Annotated[float, Field(ge=1, le=1000)] = Field(20.0, description="bipolar square wave, Hz (4.5.2)")
+    ttl_s: Annotated[float, Field(ge=0.02, le=1.0)] = Field(0.2, description="volts fall by themselves after this, s")
+    overlap_m2: Annotated[float, Field(ge=1e-6, le=0.1)] = Field(11e-4, description="strip overlap, m² (4.7.1)")
+
+    @field_validator("channels")
+    @classmethod
+    def _distinct(cls, channels: tuple[str, ...]) -> tuple[str, ...]:
+        if not 1 <= len(channels) <= BRAKE_CHANNELS or len(set(channels)) != len(channels):
+            raise ValueError(f"1 to {BRAKE_CHANNELS} different names; got {', '.join(channels)}")
+        return channels
+
+
+class Configuration(_Part):
+    """One glove: its devices, the hand it is on, and the tracker that sees the hand."""
+
+    side: Literal["auto", "left", "right"] = Field("auto", description="hand the glove is on; auto: the one seen most")
+    tracker_latency_s: Annotated[float, Field(ge=0, le=0.1)] = Field(0.010, description="a pose's age when it arrives, s")
+    tick_hz: Annotated[int, Field(ge=250, le=2000)] = 1000
+    tactiles: TactilesConfiguration = TactilesConfiguration()
+    brake: BrakeConfiguration = BrakeConfiguration()
+
+
+def load_configuration(path: str | Path | None) -> Configuration:
+    """The configuration in a TOML file, or the simulated glove for None.
+
+    :raises InputError: no such file, not TOML (with line and column), or a key or value that is not allowed.
+    """
+    if path is None:
+        return Configuration()
+    try:
+        with open(path, "rb") as file:
+            table = tomllib.load(file)
+    except OSError as error:
+        raise InputError(f"configuration {path}: {error.strerror or error}") from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise InputError(f"configuration {path} is not TOML: {error}") from error
+    return check_configuration(table, str(path))
+
+
+def check_configuration(table: dict, source: str) -> Configuration:
+    """A configuration from plain data.
+
+    :raises InputError: every key at fault, with its value and what is allowed.
+    """
+    try:
+        return Configuration.model_validate(table)
+    except ValidationError as error:
+        problems = "; ".join(
+            f"{'.'.join(map(str, e['loc']))} = {_short(e.get('input'))}: {e['msg']}" for e in error.errors(include_url=False)
+        )
+        raise InputError(f"configuration {source}: {problems}") from error
+
+
+def _short(value: object) -> str:
+    text = repr(value)
+    return text if len(text) <= 60 else text[:57] + "..."

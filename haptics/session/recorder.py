@@ -1,0 +1,173 @@
+"""What a run records: its streams, and one method for each kind of row.
+
+The journal does the writing; this file says what a row means. Host times are the run's clock.
+"""
+
+from __future__ import annotations
+
+import os
+import platform
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import haptics
+from haptics.link.messages import BRAKE_CHANNELS, COIL_CHANNELS
+from haptics.recording import Journal, StreamSpec
+from haptics.scene.hand import HandFrame
+from haptics.time import NS_PER_MS
+
+COMMIT_NS = 50 * NS_PER_MS
+WIRE_BYTES = 96
+PORTS = {"tactiles": 1, "brake": 2}
+
+
+def _spec(name: str, fields: Sequence[tuple], units: Mapping[str, str], description: str) -> StreamSpec:
+    return StreamSpec(name, np.dtype([("time_ns", "i8"), *fields]), units, description)
+
+
+STREAMS = (
+    _spec(
+        "poses",
+        [
+            ("sampled_ns", "i8"),
+            ("side", "i1"),
+            ("track", "i4"),
+            ("accepted", "u1"),
+            ("position_m", "f8", (26, 3)),
+            ("orientation_xyzw", "f8", (26, 4)),
+        ],
+        {"sampled_ns": "ns", "position_m": "m"},
+        "Poses as they arrived; side 0 is left, 1 right; accepted 0 was refused.",
+    ),
+    _spec(
+        "ticks",
+        [
+            ("rise_k", "f4", (COIL_CHANNELS,)),
+            ("pin_out", "u1", (COIL_CHANNELS,)),
+            ("volts", "f4", (BRAKE_CHANNELS,)),
+            ("force_n", "f4", (BRAKE_CHANNELS,)),
+            ("piezo", "u1", (BRAKE_CHANNELS,)),
+        ],
+        {"rise_k": "K", "volts": "V", "force_n": "N"},
+        "The devices every 10 ms: the simulated plant where there is one, what the driver believes on hardware.",
+    ),
+    _spec(
+        "requests",
+        [("site", "S16"), ("kind", "S10"), ("played", "u1"), ("reason", "S16"), ("start_ns", "i8")],
+        {"start_ns": "ns"},
+        "Every pulse asked for, when its outcome was known; start_ns is 0 for one that was denied.",
+    ),
+    _spec(
+        "events",
+        [("kind", "S20"), ("subject", "S32"), ("object", "S32"), ("detail", "S96")],
+        {},
+        "Touches, grasps, faults, refusals, arming: what happened, in words.",
+    ),
+    _spec(
+        "wire",
+        [("port", "u1"), ("to_board", "u1"), ("length", "u2"), ("data", f"V{WIRE_BYTES}")],
+        {"length": "byte"},
+        "Bytes on the links in order; port 1 is the tactor array, 2 the brake controller.",
+    ),
+    _spec(
+        "tactiles_telemetry",
+        [
+            ("device_tick", "u4"),
+            ("state", "u1"),
+            ("faults", "u2"),
+            ("played", "u2", (COIL_CHANNELS,)),
+            ("supply_mv", "u2"),
+            ("current_ma", "u2"),
+            ("queued", "u2"),
+            ("late", "u2"),
+            ("bad_frames", "u2"),
+        ],
+        {"device_tick": "0.5 us", "supply_mv": "mV", "current_ma": "mA"},
+        "Telemetry of the tactor array.",
+    ),
+    _spec(
+        "brake_telemetry",
+        [
+            ("device_tick", "u4"),
+            ("state", "u1"),
+            ("faults", "u2"),
+            ("output_v", "u2", (BRAKE_CHANNELS,)),
+            ("capacitance_pf", "u2", (BRAKE_CHANNELS,)),
+            ("leakage_01ua", "u2", (BRAKE_CHANNELS,)),
+            ("bus_v", "u2"),
+            ("supply_ua", "u2"),
+            ("queued", "u2"),
+            ("late", "u2"),
+            ("bad_frames", "u2"),
+        ],
+        {"device_tick": "0.5 us", "output_v": "V", "capacitance_pf": "pF", "leakage_01ua": "0.1 uA", "bus_v": "V", "supply_ua": "uA"},
+        "Telemetry of the brake controller.",
+    ),
+    _spec(
+        "clock_fits",
+        [("board", "u1"), ("offset_ns", "i8"), ("bound_ns", "i8")],
+        {"offset_ns": "ns", "bound_ns": "ns"},
+        "Each estimate of a board's clock: host minus board, and how wrong it can be.",
+    ),
+)
+
+
+def provenance() -> dict[str, Any]:
+    """What made a recording, as far as a machine can say: version and interpreter. No time, no user, no host name."""
+    return {"program": "haptics", "version": haptics.__version__, "python": platform.python_version(), "numpy": np.__version__}
+
+
+class Recorder:
+    """Rows of a run on their way into a journal.
+
+    :raises InputError: the journal's path is taken or cannot be written.
+    """
+
+    def __init__(self, path: str | os.PathLike[str], header: Mapping[str, Any], force: bool):
+        self.path = Path(path)
+        self.journal = Journal.create(self.path, header, force=force)
+        self._streams = {spec.name: self.journal.declare(spec) for spec in STREAMS}
+        self._commit_ns = 0
+
+    def pose(self, now_ns: int, frame: HandFrame, accepted: bool) -> None:
+        self._streams["poses"].append(
+            (
+                now_ns,
+                frame.time_ns,
+                frame.side == "right",
+                frame.track_id,
+                accepted,
+                frame.position_m,
+                frame.orientation_xyzw,
+            )
+        )
+
+    def tick(self, now_ns: int, rise_k: Any, pin_out: Any, volts: Any, force_n: Any, piezo: Any) -> None:
+        self._streams["ticks"].append((now_ns, rise_k, pin_out, volts, force_n, piezo))
+
+    def request(self, now_ns: int, site: str, kind: str, played: bool, reason: str | None, start_ns: int | None) -> None:
+        self._streams["requests"].append((now_ns, site, kind, played, reason or "", start_ns or 0))
+
+    def event(self, now_ns: int, kind: str, subject: str = "", object_name: str = "", detail: str = "") -> None:
+        self._streams["events"].append((now_ns, kind, subject, object_name, detail))
+
+    def wire(self, now_ns: int, port: str, to_board: bool, data: bytes) -> None:
+        stream = self._streams["wire"]
+        for at in range(0, len(data), WIRE_BYTES):
+            piece = data[at : at + WIRE_BYTES]
+            stream.append((now_ns, PORTS[port], to_board, len(piece), piece.ljust(WIRE_BYTES, b"\0")))
+
+    def telemetry(self, now_ns: int, message: Any) -> None:
+        self._streams[type(message).__name__].append((now_ns, *message))
+
+    def clock_fit(self, now_ns: int, port: str, offset_ns: int, bound_ns: int) -> None:
+        self._streams["clock_fits"].append((now_ns, PORTS[port], offset_ns, bound_ns))
+
+    def acknowledge(self, now_ns: int) -> None:
+        """Commit what is buffered if the last commit is 50 ms old; a kill loses at most what came since."""
+        if now_ns >= self._commit_ns:
+            self._commit_ns = now_ns + COMMIT_NS
+            self.journal.commit()

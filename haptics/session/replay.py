@@ -1,0 +1,61 @@
+"""Play a recording's poses through its scene again, and hold what goes over the wire against what went then."""
+
+from __future__ import annotations
+
+import tempfile
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from haptics.errors import InputError
+from haptics.recording import load
+from haptics.session.configuration import check_configuration
+from haptics.session.run import RunOptions, run_scene
+
+
+@dataclass(frozen=True, slots=True)
+class Replay:
+    """How a replay compares.
+
+    :param identical: every byte both ways went over the wire at the same time.
+    :param first_difference_ns: run time of the first row of wire bytes that differs, or None.
+    """
+
+    recording: str
+    scene: str
+    identical: bool
+    wire_rows: int
+    replayed_rows: int
+    first_difference_ns: int | None
+
+
+def replay_recording(path: str | Path) -> Replay:
+    """Replay in virtual time, with the recorded scene, configuration, seed and latency.
+
+    :raises InputError: not a recording of a run, or one made in real time, whose times cannot be had again.
+    """
+    path = Path(path)
+    recording = load(path)
+    header = recording.header
+    if "scene_source" not in header or "wire" not in recording:
+        raise InputError(f"{path} cannot be replayed: it is no recording of `haptics run`")
+    if header["realtime"]:
+        raise InputError(f"{path} cannot be replayed to the byte: it was made in real time; allowed: recordings in virtual time")
+    options = RunOptions(
+        port_tactiles=header["ports"]["tactiles"],
+        port_brake=header["ports"]["brake"],
+        latency_s=header["latency_s"],
+        seed=header["seed"],
+    )
+    configuration = check_configuration(header["configuration"], str(path))
+    configuration = configuration.model_copy(update={"side": header["side"]})
+    with tempfile.TemporaryDirectory() as folder:
+        again = Path(folder) / "replay.h5"
+        run_scene(header["scene_source"], str(path), configuration, replace(options, out=again))
+        wire, replayed = recording.stream("wire"), load(again).stream("wire")
+    shared = min(len(wire), len(replayed))
+    same = wire[:shared] == replayed[:shared]
+    identical = len(wire) == len(replayed) and bool(np.all(same))
+    first = None if identical else int(wire["time_ns"][np.argmin(same)] if not np.all(same) else wire["time_ns"][-1])
+    return Replay(str(path), header["scene"], identical, len(wire), len(replayed), first)

@@ -1,0 +1,192 @@
+"""A session: a placed scene rendered on a glove, recorded as it goes.
+
+``run``, ``replay`` and engine servers share it. Its owner hands in poses and ticks; it never blocks and never picks a time.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from haptics.devices.tactiles import COMMAND_LEAD_NS, Result
+from haptics.link.clock import ClockFit
+from haptics.link.events import Disarmed, Event, FaultReported, Identified, Lost, Rebooted, Telemetry
+from haptics.link.messages import BRAKE_CHANNELS, COIL_CHANNELS
+from haptics.physics.brake_contact import CONTACT
+from haptics.physics.brake_drive import rise_time_s
+from haptics.physics.brake_parameters import BRAKE, capacitance_f
+from haptics.physics.latch import travel_s
+from haptics.rendering.loop import Leads, LoopEvent, RenderLoop
+from haptics.scene.hand import HandFrame
+from haptics.scene.scene import Scene
+from haptics.scene.sites import SITES, nominal_sites
+from haptics.session.configuration import Configuration
+from haptics.session.glove import Glove
+from haptics.session.recorder import Recorder
+from haptics.time import NS_PER_MS, NS_PER_S
+
+SAMPLE_NS = 10 * NS_PER_MS
+"""The devices are sampled into the recording this often."""
+
+
+def device_leads(configuration: Configuration, scene: Scene) -> Leads:
+    """What each device needs ahead of a touch: the command's lead and the device's own time, from its model.
+
+    Half of the steady capacity comes with about 1/√2 of the volts, charged by one supply for all outputs together, and the
+    contact's lag on top.
+    """
+    brake = configuration.brake
+    outputs = max(1, len(scene.needs.brakes))
+    total_f = outputs * capacitance_f(brake.overlap_m2, BRAKE.thickness_m, BRAKE.permittivity)
+    charge_s = rise_time_s(brake.amplitude_v, total_f, share=math.sqrt(0.5)) if brake.amplitude_v else 0.0
+    command_s = COMMAND_LEAD_NS / NS_PER_S
+    return Leads(
+        pin_s=command_s + travel_s("off-on"),
+        brake_s=command_s + charge_s + CONTACT.tau_on_s * math.log(2.0),
+    )
+
+
+@dataclass
+class Truth:
+    """What the simulated plants did, gathered while the session runs.
+
+    ``pins`` and ``brakes``: (time_ns, channel, kind) of what happened, such as ``reached_skin`` or ``half_capacity``. Peaks are of
+    the samples.
+    """
+
+    pins: list[tuple[int, int, str]] = field(default_factory=list)
+    brakes: list[tuple[int, int, str]] = field(default_factory=list)
+    peak_rise_k: Any = field(default_factory=lambda: np.zeros(COIL_CHANNELS))
+    peak_volts: Any = field(default_factory=lambda: np.zeros(BRAKE_CHANNELS))
+    peak_force_n: Any = field(default_factory=lambda: np.zeros(BRAKE_CHANNELS))
+    energy_j: Any = field(default_factory=lambda: np.zeros(BRAKE_CHANNELS))
+    switches: Any = field(default_factory=lambda: np.zeros(COIL_CHANNELS, dtype=int))
+
+
+class Session:
+    """A placed scene on an open glove.
+
+    :param scene: placed. :param glove: open; armed by its owner.
+    :param recorder: takes rows, or None.
+    :param start_ns: glove time at which the scene's own clock (motions, signals) reads zero.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        glove: Glove,
+        configuration: Configuration,
+        recorder: Recorder | None = None,
+        start_ns: int = 0,
+    ):
+        self.scene, self.glove, self.recorder = scene, glove, recorder
+        self.truth = Truth()
+        self.results: list[Result] = []
+        self.events: list[LoopEvent] = []
+        self.leads = device_leads(configuration, scene)
+        self.loop = RenderLoop(
+            scene,
+            nominal_sites(),
+            glove.tactiles,
+            glove.brakes,
+            self.leads,
+            start_ns=start_ns,
+            brake_amplitude_v=configuration.brake.amplitude_v,
+        )
+        self._array_plant = glove.plant("tactiles")
+        self._brake_plant = glove.plant("brake")
+        self._sample_ns = 0
+        glove.on_event(self._take_link_event)
+
+    def submit(self, frame: HandFrame, now_ns: int) -> str | None:
+        """A pose that arrived at ``now_ns``; returns why it was refused, or None. Never blocks."""
+        reason = self.loop.submit(frame, now_ns)
+        if self.recorder is not None:
+            self.recorder.pose(now_ns, frame, reason is None)
+        return reason
+
+    def hand_gone(self, now_ns: int) -> None:
+        """The tracker says there is no hand any more."""
+        self.loop.hand_gone(now_ns)
+
+    def tick(self, now_ns: int) -> None:
+        """One period of the loop: links to ``now_ns``, effects, drivers, rows."""
+        self.glove.follow(now_ns)
+        self.loop.tick(now_ns)
+        self._observe(now_ns)
+
+    def settle(self) -> None:
+        """Collect what came out after the last tick, while the glove went off."""
+        self._observe(self.glove.now_ns(), last=True)
+
+    def _observe(self, now_ns: int, last: bool = False) -> None:
+        array = self.glove.tactiles
+        if array is not None:
+            for result in array.take_results():
+                self.results.append(result)
+                if self.recorder is not None:
+                    self.recorder.request(now_ns, result.site, result.kind, result.played, result.reason, result.start_ns)
+        if self.glove.brakes is not None:
+            for refusal in self.glove.brakes.take_refusals():
+                self.events.append(LoopEvent(now_ns, "derated", refusal.command, "", refusal.reason))
+                self._note(self.events[-1])
+        for event in self.loop.take_events():
+            self.events.append(event)
+            self._note(event)
+        if last or now_ns >= self._sample_ns:
+            self._sample_ns = now_ns + SAMPLE_NS
+            self._sample(now_ns)
+        if self.recorder is not None:
+            self.recorder.acknowledge(now_ns)
+
+    def _note(self, event: LoopEvent) -> None:
+        if self.recorder is not None:
+            self.recorder.event(event.time_ns, event.kind, event.subject, event.object, event.detail)
+
+    def _sample(self, now_ns: int) -> None:
+        rise_k, pin_out = np.zeros(COIL_CHANNELS), np.zeros(COIL_CHANNELS, dtype=np.uint8)
+        volts, force_n, piezo = np.zeros(BRAKE_CHANNELS), np.zeros(BRAKE_CHANNELS), np.zeros(BRAKE_CHANNELS, dtype=np.uint8)
+        gathered, array, brakes = self.truth, self.glove.tactiles, self.glove.brakes
+        if self._array_plant is not None:
+            truth = self._array_plant.truth()
+            rise_k[:] = truth["rise_k"]
+            pin_out[:] = [state == "on" for state in truth["latched"]]
+            gathered.pins += [(time_ns, channel, kind) for time_ns, channel, kind, _ in truth["events"]]
+            gathered.switches[:] = truth["switches"]
+        elif array is not None:
+            rise_k[: len(array.sites)] = array.rises_k(now_ns)
+            pin_out[: len(array.sites)] = array.pins_out()
+        if self._brake_plant is not None:
+            truth = self._brake_plant.truth()
+            volts[:], force_n[:], piezo[:] = truth["volts"], truth["capacity_n"], truth["piezo"]
+            gathered.brakes += [(time_ns, channel, kind) for time_ns, channel, kind, _ in truth["events"]]
+            gathered.energy_j[:] = truth["energy_j"]
+        elif brakes is not None and "brake" in self.glove.telemetry:
+            volts[:] = self.glove.telemetry["brake"].output
+        np.maximum(gathered.peak_rise_k, rise_k, out=gathered.peak_rise_k)
+        np.maximum(gathered.peak_volts, np.abs(volts), out=gathered.peak_volts)
+        np.maximum(gathered.peak_force_n, force_n, out=gathered.peak_force_n)
+        if self.recorder is not None:
+            self.recorder.tick(now_ns, rise_k, pin_out, volts, force_n, piezo)
+
+    def _take_link_event(self, board: str, event: Event) -> None:
+        recorder = self.recorder
+        if recorder is None:
+            return
+        if isinstance(event, Telemetry):
+            recorder.telemetry(event.time_ns, event.message)
+        elif isinstance(event, ClockFit):
+            bound_ns = round(event.error_s * NS_PER_S)
+            recorder.clock_fit(event.reference_ns, board, round(event.offset_s * NS_PER_S), bound_ns)
+        elif isinstance(event, Identified):
+            recorder.event(event.time_ns, "identified", board, "", f"boot {event.identity.boot_id:08x}")
+        elif isinstance(event, (Disarmed, FaultReported, Lost, Rebooted)):
+            recorder.event(event.time_ns, "fault", board, "", str(event))
+
+    @property
+    def site_names(self) -> tuple[str, ...]:
+        """Site of each channel of the array."""
+        return SITES if self.glove.tactiles is None else self.glove.tactiles.sites

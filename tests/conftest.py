@@ -1,0 +1,31 @@
+"""Shared fixtures. Recorded hands are read where they lie beside the checkout; everything else is made by the project."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+RECORDINGS = Path(__file__).resolve().parents[1].parent / "shared" / "recordings"
+
+
+@pytest.fixture(scope="session")
+def recordings() -> Path:
+    """Folder of recorded hands; `HAPTICS_RECORDINGS` names another."""
+    folder = Path(os.environ.get("HAPTICS_RECORDINGS", RECORDINGS))
+    if not (folder / "grab.leap.json.gz").is_file():
+        pytest.skip(f"no recorded hands in {folder}; set HAPTICS_RECORDINGS to a folder that has them")
+    return folder
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:
+    """Where `HAPTICS_FORBID_SKIPS` is set, a skipped test fails the run: nothing may hide behind a missing package."""
+    if not os.environ.get("HAPTICS_FORBID_SKIPS") or hasattr(session.config, "workerinput"):
+        return
+    reporter = session.config.pluginmanager.get_plugin("terminalreporter")
+    skipped = reporter.stats.get("skipped", []) if reporter else []
+    if skipped and session.exitstatus == 0:
+        reporter.write_line(f"{len(skipped)} tests were skipped and HAPTICS_FORBID_SKIPS is set", red=True)
+        session.exitstatus = 1

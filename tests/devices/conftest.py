@@ -1,0 +1,17 @@
+"""An open glove on simulated boards in virtual time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+
+from haptics.session.glove import OpenGlove
+from haptics.session.glove import open as open_glove
+
+
+@pytest.fixture
+def glove() -> Iterator[OpenGlove]:
+    """Both boards, nominal plants, not armed."""
+    with open_glove(tactiles="sim://tactiles?spread=0", brake="sim://brake?spread=0", clock="virtual") as opened:
+        yield opened

@@ -1,0 +1,122 @@
+"""The array's driver on a simulated board: what is asked, what the plant does, what is said back."""
+
+from __future__ import annotations
+
+import pytest
+
+from haptics.errors import InputError
+from haptics.link.messages import State
+
+
+def _truth(glove):
+    return glove._glove.plant("tactiles").truth()
+
+
+def test_a_contact_brings_the_pin_out_and_it_stays_without_power(glove):
+    glove.arm()
+    glove.contact("index_tip")
+    glove.advance(0.1)
+    energy_j = _truth(glove)["energy_j"][1]
+    glove.advance(1.0)
+    truth = _truth(glove)
+    assert truth["latched"][1] == "on"
+    assert truth["energy_j"][1] == energy_j
+    assert [r.played for r in glove.results()] == [True]
+
+
+def test_a_release_brings_it_back(glove):
+    glove.arm()
+    glove.contact("index_tip")
+    glove.advance(0.1)
+    glove.release("index_tip")
+    glove.advance(0.1)
+    assert _truth(glove)["latched"][1] == "off"
+
+
+def test_a_pulse_leaves_the_pin_in(glove):
+    glove.arm()
+    glove.pulse("palm_index", count=5, rate_hz=50)
+    glove.advance(0.3)
+    assert _truth(glove)["latched"][10] == "off"
+    assert [r.played for r in glove.results()] == [True] * 5
+    assert glove._glove.telemetry["tactiles"].played[10] == 10  # two strokes a pulse
+
+
+def test_a_pulse_at_a_site_in_contact_is_denied_and_does_not_pull_the_pin_off_the_skin(glove):
+    glove.arm()
+    glove.contact("index_tip")
+    glove.advance(0.05)
+    glove.pulse("index_tip")
+    glove.advance(0.05)
+    assert _truth(glove)["latched"][1] == "on"
+    assert [(r.kind, r.reason) for r in glove.results()] == [("contact", None), ("pulse", "contact")]
+
+
+def test_unarmed_requests_are_denied_and_nothing_moves(glove):
+    glove.contact("index_tip")
+    glove.advance(0.1)
+    assert [r.reason for r in glove.results()] == ["unarmed"]
+    assert sum(_truth(glove)["energy_j"]) == 0
+    glove.arm()
+    glove.contact("index_tip")  # the driver must not believe that the pin is out
+    glove.advance(0.1)
+    assert _truth(glove)["latched"][1] == "on"
+
+
+def test_all_sites_at_once_keep_within_the_current_limit_and_the_latency_bound(glove):
+    glove.arm()
+    start_ns = glove._glove.now_ns()
+    for site in glove._glove.tactiles.sites:
+        glove.contact(site)
+    most = 0
+    for _ in range(80):
+        glove.advance(0.001)
+        most = max(most, sum(_truth(glove)["coils_on"]))
+    assert most == 3  # 12 A over 3.9 A a coil
+    results = glove.results()
+    assert all(r.played for r in results)
+    assert max(r.start_ns for r in results) - start_ns <= 2_000_000 + 40_000_000  # command lead, then floor(14/3) x 10 ms
+
+
+def test_heat_denies_contacts_before_the_limit_and_never_a_release(glove):
+    glove.arm()
+    reasons = set()
+    for _ in range(260):
+        glove.contact("index_tip")
+        glove.advance(0.02)
+        glove.release("index_tip")
+        glove.advance(0.02)
+        results = glove.results()
+        reasons |= {r.reason for r in results if not r.played}
+        assert all(r.played for r in results if r.kind == "release")
+    assert reasons == {"heat"}
+    assert max(_truth(glove)["rise_k"]) <= 25.0
+
+
+def test_what_the_budget_believes_is_at_least_what_the_plant_feels(glove):
+    """18 W x 10 ms is charged; the plant's current rises with L/R, so it takes a little less."""
+    glove.arm()
+    for _ in range(20):
+        glove.contact("index_tip")
+        glove.advance(0.05)
+        glove.release("index_tip")
+        glove.advance(0.05)
+    believed_k = glove.state().rise_k["index_tip"]
+    felt_k = _truth(glove)["rise_k"][1]
+    assert felt_k <= believed_k <= 1.02 * felt_k
+
+
+def test_going_off_withdraws_the_pins_and_disarms(glove):
+    glove.arm()
+    for site in ("index_tip", "thumb_tip", "palm_outer"):
+        glove.contact(site)
+    glove.advance(0.1)
+    glove.off()
+    truth = _truth(glove)
+    assert set(truth["latched"]) == {"off"}
+    assert truth["state"] == State.DISARMED
+
+
+def test_an_unknown_site_names_those_that_exist(glove):
+    with pytest.raises(InputError, match="index_tip"):
+        glove.contact("elbow")
