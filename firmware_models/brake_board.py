@@ -296,6 +296,9 @@ class BrakeBoard(FirmwareModel):
     def set_load(self, channel: int, **load: float) -> None:
         """``pull_n``, ``travel_m`` or ``leak_ohm``: see ``Brakes.load``."""
         self.plant.load(channel, self.now_ns, **load)
+        if self._drive is not None:
+            self._guards.wake(self.now_ns)
+        self.replan()
 
     def energised(self) -> list[int]:
         driven = self._drive.mask if self._drive is not None else 0

@@ -7,6 +7,9 @@ It knows the phase of its own square wave, so that it can tell a ramp from a cla
 - bridge stuck: no sign change in 1.5 half periods;
 - short, open: the ramp's slope says a capacitance outside 0.5 to 1.5 of what the self test measured;
 - leak, while volts are held: 50 uA beyond the bleeder's current, or volts falling by 100 V in 1 ms.
+
+It looks each millisecond. While volts are held and nobody touches the plant nothing can change, so the model looks less
+often then, and again within a millisecond of a touch (``wake``).
 """
 
 from __future__ import annotations
@@ -27,6 +30,7 @@ SUDDEN_DROP_V = 100.0
 SOUND = (0.5, 1.5)
 STUCK_HALF_PERIODS = 1.5
 SAMPLE_NS = NS_PER_MS
+_HELD_SAMPLE_NS = 5 * NS_PER_MS
 _HELD = 0.98  # of the setpoint: from here on the supply only makes up for leakage
 _RAMP = (30.0, 0.6)  # slope is judged where it should have made more than these volts, and less than this share of the setpoint
 _SETTLED_NS = 2 * NS_PER_MS  # held for so long, the last of the charging current has gone
@@ -79,6 +83,10 @@ class Guards:
             self._trip_v = max(self._trip_v, volts)
             self._held = None
         self._mask, self._set_v = mask, volts
+
+    def wake(self, now_ns: int) -> None:
+        """Something acted on the plant from outside."""
+        self.next_ns = min(self.next_ns, now_ns + self._interval_ns())
 
     def end(self) -> None:
         """The outputs are shorted."""
@@ -169,6 +177,7 @@ class Guards:
             return Trip(Fault.LEAK, channel, round(before[2] - volts))
         if self._held is None or now_ns - before[1] < _SETTLED_NS:
             return None
+        self.next_ns = now_ns + min(_HELD_SAMPLE_NS, self._half_ns // 4)
         leak_a = max(amps - self._set_v / DRIVE.bleeder_ohm, 0.0)
         for one in range(BRAKE_CHANNELS):
             self.leakage_a[one] = leak_a / len(chosen) if one in chosen else 0.0

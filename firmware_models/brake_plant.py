@@ -1,7 +1,8 @@
 """Five brakes on one high-voltage supply: volts in closed form, holding capacity behind them with the contact's lag.
 
 Capacity follows on a fixed grid while volts change, so that it does not depend on who looks when; while they are held, or
-gone, time passes in one exact step. Output 0 is the index finger's brake, output 1 the thumb's; further ones follow the index's law.
+gone, time passes in one exact step. Output 0 is the index finger's brake, output 1 the thumb's; further ones follow the
+index's law.
 """
 
 from __future__ import annotations

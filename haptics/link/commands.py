@@ -59,7 +59,7 @@ class Pending:
 
     def answer(self, status: int, detail: int, board_time_ns: int | None) -> None:
         """Resolve with the board's answer."""
-        self.status = Status(status) if status in _STATUSES else status
+        self.status = _STATUSES.get(status, status)
         self.detail, self.board_time_ns, self.done = detail, board_time_ns, True
 
     def fail(self, error: LinkError) -> None:
@@ -71,12 +71,12 @@ class Pending:
         return f"Pending({self.name}: {outcome})"
 
 
-_STATUSES = frozenset(int(status) for status in Status)
+_STATUSES = {int(status): status for status in Status}
 
 
 def status_name(status: int | None) -> str:
     """A status as the protocol page writes it."""
-    return Status(status).name.lower() if status in _STATUSES else f"status {status}"
+    return _STATUSES[status].name.lower() if status in _STATUSES else f"status {status}"
 
 
 @dataclass(slots=True)

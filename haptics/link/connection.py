@@ -12,6 +12,7 @@ from haptics.link.events import Event
 from haptics.link.messages import Board
 from haptics.link.ports import BytePort, port_errors
 from haptics.link.session import LinkSession
+from haptics.link.simulated import simulated
 
 
 class Link:
@@ -21,10 +22,13 @@ class Link:
 
     :param port: an open port, from ``open_port``.
     :param session: its session; errors name the port as the session does.
+
+    ``simulated`` is the port as a simulated one, or None if it is real.
     """
 
     def __init__(self, port: BytePort, session: LinkSession):
         self.port, self.session = port, session
+        self.simulated = simulated(port)
         self._lock = threading.RLock()
 
     @property
@@ -141,7 +145,7 @@ class Link:
     def reopen(self, port: BytePort, now_ns: int) -> None:
         """Go on with another open port, from the handshake on. Never arms."""
         with self._lock:
-            self.port = port
+            self.port, self.simulated = port, simulated(port)
             self.start(now_ns)
 
     def close(self) -> None:

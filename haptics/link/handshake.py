@@ -22,8 +22,8 @@ from haptics.link.messages import (
 )
 from haptics.time import NS_PER_S
 
-FLASH_ADVICE = "flash the firmware that belongs to this package: make firmware flash PORT=..."
-_CHANNELS = {Board.TACTILES: COIL_CHANNELS, Board.BRAKE: BRAKE_CHANNELS}
+_FLASH = "flash the firmware that belongs to this package: make firmware flash PORT=..."
+_CHANNELS: dict[int, int] = {Board.TACTILES: COIL_CHANNELS, Board.BRAKE: BRAKE_CHANNELS}
 _NOT_COMMANDS = ("identify", "sync", "keepalive")
 _SCHEMA_HASH = schema_hash()
 _IDENTIFY = DELIMITER + encode_frame(BY_NAME["identify"].type, 0)  # the delimiter ends whatever noise came before
@@ -73,21 +73,26 @@ class Inquiry:
         return _IDENTIFY
 
 
-def mismatch(identity: Any, expected: Board | None) -> str | None:
-    """What keeps this identity from being the board expected, in words, or None."""
+def mismatch(identity: Any, expected: Board | None) -> tuple[str, str] | None:
+    """What keeps this identity from being the board expected, and what to do about it, in words; or None."""
+    if identity.board in _CHANNELS and expected is not None and identity.board != expected:
+        seen = f"this is the {Board(identity.board).name.lower()} board, not {expected.name.lower()}"
+        return seen, "are the two ports swapped?"
+    seen = _strange(identity)
+    return None if seen is None else (seen, _FLASH)
+
+
+def _strange(identity: Any) -> str | None:
     if identity.protocol != PROTOCOL_VERSION:
         return f"the board speaks protocol {identity.protocol}, this package {PROTOCOL_VERSION}"
     if identity.board not in _CHANNELS:
         return f"board kind {identity.board} is unknown; known: {', '.join(f'{int(b)} ({b.name.lower()})' for b in Board)}"
-    board = Board(identity.board)
-    if expected is not None and board != expected:
-        return f"this is the {board.name.lower()} board, not {expected.name.lower()}"
     if identity.schema_hash != _SCHEMA_HASH:
         return f"the board's message table is {identity.schema_hash:08x}, this package's {_SCHEMA_HASH:08x}"
     if identity.tick_hz != TICK_HZ:
         return f"the board ticks at {identity.tick_hz} Hz, expected {TICK_HZ}"
-    if not 1 <= identity.channels <= _CHANNELS[board]:
-        return f"the board has {identity.channels} channels; allowed: 1 to {_CHANNELS[board]}"
+    if not 1 <= identity.channels <= _CHANNELS[identity.board]:
+        return f"the board has {identity.channels} channels; allowed: 1 to {_CHANNELS[identity.board]}"
     return None
 
 
@@ -95,7 +100,8 @@ def diagnosis(port: str, seen: Seen, sample: bytes, tries: int, waited_s: float)
     """The likeliest reason why nobody said who they are, and what to do about it."""
     asked = f"no identity in {tries} tries ({waited_s:g} s)"
     if seen.bytes_in == 0:
-        what, advice = "not one byte came back", "check power and cable, and that this is the board's port"
+        what = "not one byte came back"
+        advice = f"check power, cable, that this is the board's port, and the baud rate (boards speak {DEFAULT_BAUD})"
     elif seen.echoes > 0:
         what, advice = "what is sent comes back as it is", "this is a loop-back or an echoing terminal, not a board"
     elif seen.frames_in > 0:

@@ -6,12 +6,11 @@ import threading
 from collections.abc import Callable, Sequence
 from typing import Any, Protocol
 
-from haptics.errors import LinkError, LinkLost, ReplyTimeout
+from haptics.errors import InputError, LinkError, LinkLost, ReplyTimeout
 from haptics.link.commands import Pending
 from haptics.link.connection import Link
 from haptics.link.ports import open_port
 from haptics.link.session import Phase
-from haptics.link.simulated import simulated
 from haptics.time import NS_PER_MS, NS_PER_S, Clock, MonotonicClock, VirtualClock, seconds_to_ns
 
 _BACKOFF_NS = (250 * NS_PER_MS, 500 * NS_PER_MS, NS_PER_S, 2 * NS_PER_S, 4 * NS_PER_S)
@@ -32,10 +31,16 @@ class VirtualRunner:
 
     :param links: links on simulated ports with ``clock=virtual``; ports of one world move together, others each in their own.
     :param clock: the clock that everybody in the run reads; one of its own if None. Worlds must not be ahead of it.
+    :raises InputError: a port is real, and would not follow.
     """
 
     def __init__(self, links: Sequence[Link], clock: VirtualClock | None = None):
         self.links = list(links)
+        for link in self.links:
+            if link.simulated is None:
+                raise InputError(
+                    f"port = {link.name!r} is real and keeps its own time; allowed: simulated ports with clock=virtual"
+                )
         self.clock = clock if clock is not None else VirtualClock()
 
     def now_ns(self) -> int:
@@ -61,8 +66,7 @@ class VirtualRunner:
             deadline_ns = link.session.next_deadline_ns
             if deadline_ns is not None:
                 times.append(deadline_ns)
-            port = simulated(link.port)
-            event_ns = port.next_event() if port is not None else None
+            event_ns = link.simulated.next_event() if link.simulated is not None else None
             if event_ns is not None:
                 times.append(event_ns)
         return max(min(times), self.now_ns() + 1) if times else None
@@ -70,9 +74,8 @@ class VirtualRunner:
     def _service(self) -> None:
         now_ns = self.now_ns()
         for link in self.links:
-            port = simulated(link.port)
-            if port is not None and link.port.is_open:
-                port.advance(now_ns)
+            if link.simulated is not None and link.port.is_open:
+                link.simulated.advance(now_ns)
         for link in self.links:
             if link.error is None:
                 link.service(now_ns)

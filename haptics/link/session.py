@@ -315,7 +315,8 @@ class LinkSession:
     def _on_identity(self, frame: Frame, identity: Any, now_ns: int) -> None:
         mismatch = handshake.mismatch(identity, self.expected)
         if mismatch is not None:
-            self._fail(WrongFirmware(self.port_name, mismatch, "identify", handshake.FLASH_ADVICE), now_ns)
+            seen, advice = mismatch
+            self._fail(WrongFirmware(self.port_name, seen, "identify", advice), now_ns)
             return
         known, self.identity = self.identity, identity
         if known is None:

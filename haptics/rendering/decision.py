@@ -27,8 +27,10 @@ Floats = NDArray[np.float64]
 Distance = Callable[[Floats], Floats]
 """Signed distance of points (m, d) to an object's surface, (m,), metres; negative inside."""
 
-NEVER_NS = np.iinfo(np.int64).max
-STEP_S = 1e-3
+NEVER_NS = 2**62
+LONG_AGO_NS = -(2**61)
+STEP_S = 2.5e-3
+"""Grid along the path; between its points distances are taken as straight, off by under 0.01 mm at 10 m/s²."""
 FASTEST_M_S = 5.0
 """Site and object approach each other no faster; an object farther than that allows need not be looked at again yet."""
 
@@ -87,7 +89,7 @@ def touch_ahead(
     before = np.maximum(first - 1, 0)
     fell_m = late_m[rows, before] - late_m[rows, first]
     between = crossed[rows, first] & ~crossed[rows, before]
-    back_s = np.where(between, -STEP_S * late_m[rows, first] / np.where(between, -fell_m, 1.0), 0.0)
+    back_s = np.where(between, -STEP_S * late_m[rows, first] / np.where(between, fell_m, 1.0), 0.0)
     return np.where(decided.any(axis=1), ahead_s[first] - back_s, np.nan)
 
 
@@ -135,7 +137,7 @@ class TouchDecider:
         self._predictor = Predictor(prediction)
         shape = (len(self._distances), len(self._radius_m))
         self._touching = np.zeros(shape, dtype=bool)
-        self._turned_ns = np.full(shape, -NEVER_NS, dtype=np.int64)
+        self._turned_ns = np.full(shape, LONG_AGO_NS, dtype=np.int64)
         self._act_ns = np.full(shape, NEVER_NS, dtype=np.int64)
         self._aimed_ns = np.zeros(shape, dtype=np.int64)
         self._ends: list[Decided] = []
@@ -153,7 +155,7 @@ class TouchDecider:
         """No touch, no plan, no past frame."""
         self._predictor.forget()
         self._touching[:] = False
-        self._turned_ns[:] = -NEVER_NS
+        self._turned_ns[:] = LONG_AGO_NS
         self._seen_m[:] = 0.0
         self._ends.clear()
         self._drop_plans()
@@ -172,13 +174,18 @@ class TouchDecider:
         if now_ns - time_ns > self._stale_ns or earliest_s >= self._p.horizon_s:
             return
         self._dies_ns = time_ns + self._stale_ns
-        ahead_s = np.arange(earliest_s, self._p.horizon_s, STEP_S)
-        reach_m = forecast.reach_m(self._p.horizon_s)
-        farthest_m = float(np.nanmax(reach_m, initial=0.0))
-        near = self._seen_m - (FASTEST_M_S / NS_PER_S) * (time_ns - self._seen_ns) <= farthest_m
-        for index in (near | self._touching.any(axis=1)).nonzero()[0].tolist():
-            self._plan(index, forecast, ahead_s, reach_m, now_ns)
-        self._next_ns = int(self._act_ns.min(initial=NEVER_NS))
+        leaves_s = min((now_ns + self.release_lead_ns - time_ns) / NS_PER_S, self._p.horizon_s)
+        ahead_s = np.concatenate([(0.0, leaves_s), np.arange(earliest_s, self._p.horizon_s, STEP_S)])
+        rows, columns, distance_m = self._near(forecast, ahead_s)
+        if not len(rows):
+            return
+        now_m, then_m, distance_m = distance_m[:, 0], distance_m[:, 1], distance_m[:, 2:]
+        self._end(rows, columns, np.minimum(now_m, then_m), now_ns)
+        free = ~self._touching[rows, columns]
+        if free.any():
+            deviation_m = forecast.deviation(ahead_s[2:])[columns[free]]
+            touch_s = touch_ahead(ahead_s[2:], distance_m[free], deviation_m, now_m[free], self._p)
+            self._plan(rows[free], columns[free], touch_s, time_ns)
 
     def due(self, now_ns: int) -> list[Decided]:
         """What is to be done at this tick: ends first, then beginnings in the order of their times."""
@@ -196,33 +203,37 @@ class TouchDecider:
         self._next_ns = int(self._act_ns.min(initial=NEVER_NS))
         return decided
 
-    def _plan(self, index: int, forecast: Forecast, ahead_s: Floats, reach_m: Floats, now_ns: int) -> None:
-        distance, touching = self._distances[index], self._touching[index]
-        now_m = distance(forecast.position_m) - self._radius_m
-        self._seen_m[index], self._seen_ns[index] = np.nanmin(now_m, initial=np.inf), forecast.time_ns
-        if touching.any():
-            self._end(index, forecast, now_m, now_ns)
-        sites = ((now_m <= reach_m) & ~touching).nonzero()[0]
-        if not len(sites):
-            return
-        path = forecast.path(ahead_s, sites)
-        ahead_m = distance(path.reshape(-1, path.shape[2])).reshape(path.shape[:2]) - self._radius_m[sites, None]
-        at_s = touch_ahead(ahead_s, ahead_m, forecast.deviation(ahead_s, sites), now_m[sites], self._p)
-        for site, touch_s in zip(sites.tolist(), at_s.tolist(), strict=True):
-            if touch_s == touch_s:
-                earliest_ns = self._turned_ns[index, site] + self._p.dwell_ns
-                aimed_ns = max(forecast.time_ns + round(touch_s * NS_PER_S), earliest_ns + self.lead_ns)
-                self._aimed_ns[index, site], self._act_ns[index, site] = aimed_ns, aimed_ns - self.lead_ns
+    def _near(self, forecast: Forecast, ahead_s: Floats) -> tuple[NDArray[np.intp], NDArray[np.intp], Floats]:
+        """Objects and sites that may meet or already touch, (m,) each, and their distances along the path, (m, k)."""
+        time_ns, reach_m = forecast.time_ns, forecast.reach_m(self._p.horizon_s)
+        may_have_come_m = (FASTEST_M_S / NS_PER_S) * (time_ns - self._seen_ns)
+        look = (self._seen_m - may_have_come_m <= np.fmax.reduce(reach_m, initial=0.0)) | self._touching.any(axis=1)
+        indices = look.nonzero()[0]
+        path = forecast.path(ahead_s)
+        places = path.reshape(-1, path.shape[2])
+        along_m = np.empty((len(indices), *path.shape[:2]))
+        for row, index in enumerate(indices.tolist()):
+            along_m[row] = self._distances[index](places).reshape(path.shape[:2])
+        along_m -= self._radius_m[:, None]
+        now_m = along_m[:, :, 0]
+        self._seen_m[indices], self._seen_ns[indices] = np.fmin.reduce(now_m, axis=1, initial=np.inf), time_ns
+        near, columns = ((now_m <= reach_m) | self._touching[indices]).nonzero()
+        return indices[near], columns, along_m[near, columns]
 
-    def _end(self, index: int, forecast: Forecast, now_m: Floats, now_ns: int) -> None:
-        leaves_ns = now_ns + self.release_lead_ns
-        leaves_s = np.array([min((leaves_ns - forecast.time_ns) / NS_PER_S, self._p.horizon_s)])
-        then_m = self._distances[index](forecast.path(leaves_s)[:, 0]) - self._radius_m
-        off = (np.minimum(now_m, then_m) > self._p.release_m) & (now_ns - self._turned_ns[index] >= self._p.dwell_ns)
-        for site in (off & self._touching[index]).nonzero()[0].tolist():
-            self._touching[index, site] = False
-            self._turned_ns[index, site] = now_ns
-            self._ends.append(Decided(site, index, False, leaves_ns))
+    def _end(self, rows: NDArray[np.intp], columns: NDArray[np.intp], off_m: Floats, now_ns: int) -> None:
+        rested = now_ns - self._turned_ns[rows, columns] >= self._p.dwell_ns
+        for pair in (self._touching[rows, columns] & (off_m > self._p.release_m) & rested).nonzero()[0].tolist():
+            row, column = int(rows[pair]), int(columns[pair])
+            self._touching[row, column] = False
+            self._turned_ns[row, column] = now_ns
+            self._ends.append(Decided(column, row, False, now_ns + self.release_lead_ns))
+
+    def _plan(self, rows: NDArray[np.intp], columns: NDArray[np.intp], touch_s: Floats, time_ns: int) -> None:
+        for pair in np.isfinite(touch_s).nonzero()[0].tolist():
+            at = int(rows[pair]), int(columns[pair])
+            act_ns = max(time_ns + round(float(touch_s[pair]) * NS_PER_S) - self.lead_ns, int(self._turned_ns[at]) + self._p.dwell_ns)
+            self._act_ns[at], self._aimed_ns[at] = act_ns, act_ns + self.lead_ns
+            self._next_ns = min(self._next_ns, act_ns)
 
     def _drop_plans(self) -> None:
         self._act_ns[:] = NEVER_NS

@@ -27,12 +27,14 @@ GRID_NS = NS_PER_MS
 class TrackTruth:
     """One track on its cubic.
 
-    :param time_ns: (t,), every millisecond. :param sites_m: (t, 15, 3).
+    :param time_ns: (t,), every millisecond. :param frame_ns: (f,), when the track's poses were sampled.
+    :param sites_m: (t, 15, 3).
     :param distance_m: by object, (t, 15): signed distance of each site's sphere.
     :param grasp_ns: moments at which a grasp really began, with the object.
     """
 
     time_ns: np.ndarray
+    frame_ns: np.ndarray
     sites_m: np.ndarray
     distance_m: dict[str, np.ndarray]
     grasp_ns: tuple[tuple[int, str], ...]
@@ -99,7 +101,7 @@ def _truth(
             for name in wanted:
                 distance[name][i] = distance_to(tracker.body(name), path[i])
         tracker.let_go(first_ns + int(grid_ns[-1]))
-    return TrackTruth(first_ns + grid_ns, path, distance, tuple(begins))
+    return TrackTruth(first_ns + grid_ns, np.array([frame.time_ns for frame in track]), path, distance, tuple(begins))
 
 
 def _moves(scene: Scene, name: str) -> bool:

@@ -36,10 +36,12 @@ class Leads:
     """How long before the touch a device must be told: command lead and the device's own time, from its model.
 
     :param pin_s: coil pulse sent, to the pin at the skin.
+    :param pin_back_s: coil pulse sent, to the pin back in.
     :param brake_s: drive sent, to half of the steady blocking force; from total capacitance and volts.
     """
 
     pin_s: float
+    pin_back_s: float
     brake_s: float
 
 
@@ -96,10 +98,13 @@ class RenderLoop:
         self._decider = TouchDecider(
             [self._distance_of(name) for name in self._touchable],
             sites.radius_m,
-            lead_ns=round(leads.pin_s * NS_PER_S),
+            round(leads.pin_s * NS_PER_S),
+            round(leads.pin_back_s * NS_PER_S),
             stale_ns=STALE_NS,
         )
-        self._ahead = GraspAhead(round(leads.brake_s * NS_PER_S), STALE_NS) if self._graspable and brake else None
+        self._ahead = (
+            GraspAhead(self._grasps, self._graspable, round(leads.brake_s * NS_PER_S), STALE_NS) if self._graspable and brake else None
+        )
         self._previous: HandFrame | None = None
         self._pose_ns: int | None = None
         self._quiet = False
@@ -210,7 +215,7 @@ class RenderLoop:
         for name in self._graspable:
             self._bodies[name] = self._grasps.body(name)
         if self._ahead is not None and not self._quiet:
-            self._ahead.observe(time_ns, thumb, index, self._grasps)
+            self._ahead.observe(time_ns, thumb, index, now_ns)
 
     def _grasp_changed(self, event: GraspEvent, now_ns: int) -> None:
         effect = self.scene.object(event.object).grasp

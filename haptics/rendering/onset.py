@@ -126,11 +126,11 @@ class Onsets:
             self._hold = Onsets()
         return self._hold
 
-    def add(self, touched: Sequence[Touched], acted_ns: Sequence[int], until_ns: int | None = None) -> None:
+    def add(self, touched: Sequence[Touched], acted_ns: Sequence[int], judged_ns: tuple[int, int] | None = None) -> None:
         """Match what was touched with what was done for it.
 
         :param touched: of one site, counted or not. :param acted_ns: of its device.
-        :param until_ns: acts later than this are not judged, as what they were for may lie beyond the track's end.
+        :param judged_ns: acts before or after are not called false: what they were for may lie beyond the track.
         """
         counted = [touch for touch in touched if touch.counted]
         partner = match(acted_ns, [touch.time_ns for touch in counted])
@@ -138,9 +138,9 @@ class Onsets:
             self.error_ms.append(np.inf if act is None else (acted_ns[act] - touch.time_ns) / NS_PER_MS)
             self.approach_m_s.append(touch.approach_m_s)
         for acted in acted_ns:
-            near = [touch for touch in touched if abs(touch.time_ns - acted) <= FALSE_NS]
-            if until_ns is not None and acted > until_ns:
+            if judged_ns is not None and not judged_ns[0] <= acted <= judged_ns[1]:
                 continue
+            near = [touch for touch in touched if abs(touch.time_ns - acted) <= FALSE_NS]
             self.false += not near
             self.shallow += bool(near) and all(touch.depth_m < DEEP_M for touch in near)
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from haptics.rendering.decision import DecisionParameters, TouchDecider
-from haptics.rendering.onset import BEFORE_END_NS, TRUTH_STEP_NS, Onsets, Touched, held_acts, touches_on
+from haptics.rendering.onset import AFTER_START_NS, BEFORE_END_NS, TRUTH_STEP_NS, Onsets, Touched, held_acts, touches_on
 from haptics.rendering.prediction import PredictionParameters
 from haptics.scene.hand import HandTrack
 from haptics.scene.pose import Pose
@@ -81,15 +81,15 @@ def onset_experiment(
         bodies = random_bodies(path, objects, np.random.default_rng((seed, number)), judged)
         truth = _truth(path, bodies, judged)
         at_frames = [body.distance(path.position_m.reshape(-1, 3)).reshape(path.position_m.shape[:2]) for body in bodies]
-        until_ns = int(path.time_ns[-1]) - BEFORE_END_NS
+        judged_ns = int(path.time_ns[0]) + AFTER_START_NS, int(path.time_ns[-1]) - BEFORE_END_NS
         for latency_ns, onsets in found.items():
             acted = _acted(path, bodies, latency_ns, lead_ns, decision, prediction)
             for index in range(len(bodies)):
                 held = held_acts(path.time_ns, at_frames[index] - path.radius_m, latency_ns, TICK_NS, lead_ns)
                 for site in judged:
                     touched = truth.get((index, site), [])
-                    onsets.add(touched, acted.get((index, site), []), until_ns)
-                    onsets.hold.add(touched, held[site], until_ns)
+                    onsets.add(touched, acted.get((index, site), []), judged_ns)
+                    onsets.hold.add(touched, held[site], judged_ns)
     return found
 
 

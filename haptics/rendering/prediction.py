@@ -70,18 +70,18 @@ class Forecast:
     damping_per_s: float
     noise_m: float
 
-    def path(self, ahead_s: Floats, points: ArrayLike | slice = slice(None)) -> Floats:
-        """Positions ``ahead_s`` (k,) seconds after the frame, (n, k, d), of the chosen points."""
+    def path(self, ahead_s: Floats) -> Floats:
+        """Positions ``ahead_s`` (k,) seconds after the frame, (n, k, d), metres."""
         along_s = ahead_s * (1.0 - self.damping_per_s * ahead_s)
         return (
-            self.position_m[points][:, None]
-            + self.velocity_m_s[points][:, None] * along_s[:, None]
-            + self.acceleration_m_s2[points][:, None] * self._bend_s2(ahead_s)[:, None]
+            self.position_m[:, None]
+            + self.velocity_m_s[:, None] * along_s[:, None]
+            + self.acceleration_m_s2[:, None] * self._bend_s2(ahead_s)[:, None]
         )
 
-    def deviation(self, ahead_s: Floats, points: ArrayLike | slice = slice(None)) -> Floats:
+    def deviation(self, ahead_s: Floats) -> Floats:
         """Standard deviation of those positions along any direction, (n, k), metres."""
-        return self.doubt_m_s2[points][:, None] * self._bend_s2(ahead_s) + self.noise_m * (1.0 + ahead_s / self.span_s)
+        return self.doubt_m_s2[:, None] * self._bend_s2(ahead_s) + self.noise_m * (1.0 + ahead_s / self.span_s)
 
     def reach_m(self, ahead_s: float) -> Floats:
         """How far each point gets within ``ahead_s`` at the most, (n,), metres."""

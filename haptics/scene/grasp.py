@@ -129,6 +129,10 @@ class GraspTracker:
         """The grasped object."""
         return self._held.name if self._held else None
 
+    def armed(self, name: str) -> bool:
+        """Whether a grasp of the object may begin: its last one ended, and a tip left the band since, if the rule asks for that."""
+        return self._armed.get(name, False)
+
     def body(self, name: str) -> Placed:
         """A graspable object where it is now, which for a grasped one is where the ray has carried it.
 

@@ -10,16 +10,22 @@ from typing import Any
 
 import numpy as np
 
+from haptics.devices.tactiles import COMMAND_LEAD_NS
 from haptics.fidelity import Plan
-from haptics.rendering.felt import TrackTruth, track_truths
-from haptics.rendering.onset import Onsets, Touched, held_actions, onset_statistics, touches_on
+from haptics.rendering.felt import track_truths
+from haptics.rendering.onset import AFTER_START_NS, BEFORE_END_NS, Onsets, Touched, held_acts, onset_statistics, touches_on
 from haptics.scene.effects import ContactEffect
 from haptics.scene.hand import HandFrame, HandRecording
 from haptics.scene.placement import closing_strokes
 from haptics.scene.scene import Scene
-from haptics.scene.sites import SITES, nominal_sites
+from haptics.scene.sites import SITE, SITES, nominal_sites
 from haptics.session.session import Session
-from haptics.time import NS_PER_S
+from haptics.time import NS_PER_MS, NS_PER_S
+
+AFTER_NS = 100 * NS_PER_MS
+"""What a device does this long after a track's end still belongs to it."""
+TOGETHER_NS = 50 * NS_PER_MS
+"""Brakes that close within this of each other close for the same grasp."""
 
 
 def build_report(
@@ -71,21 +77,109 @@ def build_report(
 
 
 def _onset(session: Session, frames: Sequence[HandFrame], latency_ns: int, start_ns: int, tick_ns: int) -> dict[str, Any]:
-    """Onset error of touches in contact mode and of grasps, all times from the start of the hand's motion."""
+    """Onset error of touches in contact mode and of grasps; all times from the start of the hand's motion."""
     scene, sites = session.scene, nominal_sites()
     objects = _contact_objects(scene)
-    truths = track_truths(scene, sites, frames, tuple(objects))
-    touched: list[Touched] = []
-    for truth in truths:
-        for name, allowed in objects.items():
-            touched += touches_on(truth.time_ns, truth.sites_m, truth.distance_m[name], allowed, name)
     measured = Onsets()
+    truths = track_truths(scene, sites, frames, tuple(objects))
+    pins = _pin_arrivals(session, start_ns)
     pin_lead_ns = round(session.leads.pin_s * NS_PER_S)
-    held = held_actions(scene, sites, frames, objects, latency_ns, tick_ns, pin_lead_ns)
-    for site in range(len(SITES)):
-        on_site = [touch for touch in touched if touch.site == site]
-        measured.add(on_site, _pin_arrivals(session, site, start_ns))
-        measured.hold.add(on_site, held.get(site, []))
-    if session.glove.brakes is not None and session.scene.needs.brakes:
-        _add_grasps(measured, session, truths, latency_ns, start_ns, tick_ns)
-    return {**onset_statistics(measured), "estimated": session.glove.plant("tactiles") is None and session.glove.tactiles is not None}
+    for truth in truths:
+        first_ns, last_ns = int(truth.time_ns[0]), int(truth.time_ns[-1])
+        judged_ns = (first_ns + AFTER_START_NS, last_ns - BEFORE_END_NS)
+        for site in range(len(SITES)):
+            on_site, held = [], []
+            for name, allowed in objects.items():
+                if site not in allowed:
+                    continue
+                distance = truth.distance_m[name]
+                on_site += touches_on(truth.time_ns, distance, (site,), name)
+                at_frames = np.interp(truth.frame_ns, truth.time_ns, distance[:, site])[:, None]
+                held += held_acts(truth.frame_ns, at_frames, latency_ns, tick_ns, pin_lead_ns)[0]
+            acted = [ns for ns in pins.get(site, ()) if first_ns <= ns <= last_ns + AFTER_NS]
+            measured.add(on_site, acted, judged_ns)
+            measured.hold.add(on_site, held, judged_ns)
+        if session.glove.brakes is not None and scene.needs.brakes:
+            begins = [Touched(ns, -1, name, counted=judged_ns[0] <= ns <= judged_ns[1]) for ns, name in truth.grasp_ns]
+            brake_ns = [ns for ns in _brake_holds(session, start_ns) if first_ns <= ns <= last_ns + AFTER_NS]
+            measured.add(begins, brake_ns, last_ns - BEFORE_END_NS)
+            seen = [int(truth.frame_ns[np.searchsorted(truth.frame_ns, ns).clip(max=len(truth.frame_ns) - 1)]) for ns, _ in truth.grasp_ns]
+            lead_ns = round(session.leads.brake_s * NS_PER_S)
+            measured.hold.add(begins, [-(-(ns + latency_ns) // tick_ns) * tick_ns + lead_ns for ns in seen], judged_ns)
+    on_hardware = session.glove.tactiles is not None and session.glove.plant("tactiles") is None
+    return {**onset_statistics(measured), "estimated": on_hardware}
+
+
+def _contact_objects(scene: Scene) -> dict[str, frozenset[int]]:
+    """Objects rendered site by site, with the sites that are: those whose onset a pin shows."""
+    found = {}
+    for item in scene.objects:
+        effects = [effect for effect in item.effects if isinstance(effect, ContactEffect)]
+        if effects:
+            found[item.name] = frozenset(SITE[site] for effect in effects for site in effect.sites or SITES)
+    return found
+
+
+def _pin_arrivals(session: Session, start_ns: int) -> dict[int, list[int]]:
+    """When pins reached the skin, by site: the plant's truth, or on hardware the sent start and the model's flight."""
+    names, found = session.site_names, {}
+    if session.glove.plant("tactiles") is not None:
+        arrivals = [(channel, ns) for ns, channel, kind in session.truth.pins if kind == "reached_skin"]
+    else:
+        flight_ns = round((session.leads.pin_s - COMMAND_LEAD_NS / NS_PER_S) * NS_PER_S)
+        played = [r for r in session.results if r.kind == "contact" and r.played and r.start_ns is not None]
+        arrivals = [(names.index(r.site), r.start_ns + flight_ns) for r in played]
+    for channel, ns in arrivals:
+        found.setdefault(SITE[names[channel]], []).append(ns - start_ns)
+    return found
+
+
+def _brake_holds(session: Session, start_ns: int) -> list[int]:
+    """When the brakes held half of their steady capacity: the last of those that closed together."""
+    channels = {session.glove.brakes.channels.index(name) for name in session.scene.needs.brakes} if session.glove.brakes else set()
+    times = sorted(ns - start_ns for ns, channel, kind in session.truth.brakes if kind == "half_capacity" and channel in channels)
+    return [ns for ns, following in zip(times, [*times[1:], float("inf")], strict=False) if following - ns > TOGETHER_NS]
+
+
+def _actuators(session: Session) -> list[dict[str, Any]]:
+    array = session.glove.tactiles
+    if array is None:
+        return []
+    played = Counter(result.site for result in session.results if result.played)
+    simulated = session.glove.plant("tactiles") is not None
+    rows = []
+    for channel, (site, budget) in enumerate(zip(array.sites, array.budgets, strict=True)):
+        peak_k = float(session.truth.peak_rise_k[channel])
+        switches = int(session.truth.switches[channel]) if simulated else played[site]
+        rows.append({"site": site, "switches": switches, "peak_rise_k": peak_k, "headroom_k": budget.limit_k - peak_k})
+    return rows
+
+
+def _brakes(session: Session) -> list[dict[str, Any]]:
+    brakes, truth = session.glove.brakes, session.truth
+    if brakes is None:
+        return []
+    return [
+        {
+            "name": name,
+            "peak_volts": float(truth.peak_volts[i]),
+            "peak_force_n": float(truth.peak_force_n[i]),
+            "energy_j": float(truth.energy_j[i]),
+        }
+        for i, name in enumerate(brakes.channels)
+    ]
+
+
+def _notes(scene: Scene, recording: HandRecording, side: str, session: Session) -> list[str]:
+    notes = [f"{name} is not there: {why}" for name, why in scene.absent]
+    tracks = recording.of_side(side)
+    if not tracks:
+        notes.append(f"{recording.source} has no {side} hand")
+    elif scene.needs.brakes and not any(closing_strokes(track) for track in tracks):
+        notes.append(f"no grasp to expect: the {side} hand makes no closing stroke of thumb and index")
+    if recording.dropped:
+        notes.append("left out while reading: " + ", ".join(f"{count} {what}" for what, count in recording.dropped.items()))
+    withdrawn = sum(event.kind == "grasp_withdrawn" for event in session.events)
+    if withdrawn:
+        notes.append(f"brakes closed ahead of {withdrawn} grasps that did not come, and opened again")
+    return notes

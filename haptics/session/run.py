@@ -94,7 +94,7 @@ def run_scene(scene_name: str, hand_source: str, configuration: Configuration, o
         if options.record:
             recorder = Recorder(out.with_suffix(".journal"), header, options.force)
             tap.attach(recorder)
-        session, start_ns, missed = _play(glove, placed, configuration, recorder, frames, recording, latency_s, options)
+        session, start_ns, ticks, missed = _play(glove, placed, configuration, recorder, frames, recording, latency_s, options)
     except BaseException:
         glove.off()
         glove.close()
@@ -110,7 +110,9 @@ def run_scene(scene_name: str, hand_source: str, configuration: Configuration, o
         side=side,
         latency_ns=seconds_to_ns(latency_s),
         start_ns=start_ns,
+        ticks=ticks,
         ticks_missed=missed,
+        tick_ns=NS_PER_S // configuration.tick_hz,
         out=out if options.record else None,
     )
     if recorder is not None:
@@ -195,7 +197,7 @@ def _play(
     recording: HandRecording,
     latency_s: float,
     options: RunOptions,
-) -> tuple[Session, int, int | None]:
+) -> tuple[Session, int, int, int | None]:
     glove.arm()
     tick_ns = NS_PER_S // configuration.tick_hz
     start_ns = (glove.now_ns() // tick_ns + 2) * tick_ns
@@ -225,7 +227,7 @@ def _play(
         show.done()
     glove.off()
     session.settle()
-    return session, start_ns, pace.missed
+    return session, start_ns, ticks + 1, pace.missed
 
 
 def _arrivals(

@@ -45,6 +45,7 @@ def device_leads(configuration: Configuration, scene: Scene) -> Leads:
     command_s = COMMAND_LEAD_NS / NS_PER_S
     return Leads(
         pin_s=command_s + travel_s("off-on"),
+        pin_back_s=command_s + travel_s("on-off"),
         brake_s=command_s + charge_s + CONTACT.tau_on_s * math.log(2.0),
     )
 

@@ -11,7 +11,7 @@ import time
 import pytest
 from board_double import MS, BoardDouble
 
-from haptics.errors import LinkLost, NotABoard, WrongFirmware
+from haptics.errors import InputError, LinkLost, NotABoard, WrongFirmware
 from haptics.link import (
     Board,
     Link,
@@ -128,6 +128,13 @@ def test_two_boards_in_one_world_and_one_in_its_own():
     assert [identity.boot_id for identity in connect(runner)] == [1, 2, 3]
     runner.run_until(runner.now_ns() + 100 * MS)
     assert world.now_ns == alone.world.now_ns == runner.now_ns()
+
+
+def test_a_real_port_is_not_stepped():
+    link = Link(open_port("loop://"), LinkSession(Board.TACTILES, "loop://"))
+    with pytest.raises(InputError, match="loop"):
+        VirtualRunner([link])
+    link.close()
 
 
 def test_every_event_is_handled_at_its_own_time():

@@ -1,0 +1,83 @@
+"""Closing the brakes for a grasp before the tracked hand shows it.
+
+A brake takes tens of milliseconds to hold, a tracker tells late. The geometric condition of a grasp, both tips within 5 mm of an
+object, is one number that falls through zero; it is forecast and decided like a touch (``haptics.rendering.decision``). Whether
+there was a grasp stays with the grasp rule: where it does not follow, the brakes open again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from haptics.rendering.decision import Distance, TouchDecider
+from haptics.scene.grasp import GraspTracker, between
+from haptics.time import NS_PER_MS
+
+WITHDRAW_NS = 60 * NS_PER_MS
+"""A grasp that was acted for and has not begun this long after it should have is given up (assumed)."""
+FAR_M = 1.0
+
+
+class GraspAhead:
+    """Decides when to close for the graspable objects of one tracker.
+
+    :param tracker: the grasp rule in play; asked where its objects are and whether they can be grasped now.
+    :param names: its objects.
+    :param lead_ns: from telling the brakes until they hold half of what they will.
+    :param stale_ns: no guess from a pose older than this.
+    """
+
+    def __init__(self, tracker: GraspTracker, names: Sequence[str], lead_ns: int, stale_ns: int):
+        self._tracker, self._names = tracker, tuple(names)
+        self._decider = TouchDecider([self._signal(name) for name in self._names], [0.0], lead_ns, stale_ns=stale_ns)
+        self._tips = np.zeros((2, 3))
+        self._closed_for: str | None = None
+        self._give_up_ns = 0
+
+    def observe(self, time_ns: int, thumb_m: np.ndarray, index_m: np.ndarray, now_ns: int) -> None:
+        """A pose: the two tips' centres, (3,) each, sampled at ``time_ns``, in hand at ``now_ns``."""
+        self._tips = np.stack([thumb_m, index_m])
+        self._decider.observe(time_ns, self._tips.reshape(1, 6), now_ns)
+
+    def due(self, now_ns: int) -> str | None:
+        """The object to close for at this tick, or None."""
+        for decided in self._decider.due(now_ns):
+            name = self._names[decided.object]
+            free = self._closed_for is None and self._tracker.held is None
+            if decided.begins and free and between(self._tracker.body(name), *self._tips):
+                self._closed_for, self._give_up_ns = name, decided.aimed_ns + WITHDRAW_NS
+                return name
+        return None
+
+    def confirm(self, name: str) -> bool:
+        """A grasp of the object has begun; returns whether the brakes are closed for it already."""
+        ahead, self._closed_for = self._closed_for == name, None
+        return ahead
+
+    def withdraw(self, now_ns: int) -> bool:
+        """Whether to open again now, because the grasp that was acted for did not come."""
+        if self._closed_for is None or now_ns < self._give_up_ns:
+            return False
+        self._closed_for = None
+        return True
+
+    def forget(self) -> None:
+        """No plan, no past pose."""
+        self._decider.forget()
+        self._closed_for = None
+
+    def _signal(self, name: str) -> Distance:
+        tracker = self._tracker
+
+        def distance(tips_m: np.ndarray) -> np.ndarray:
+            if tracker.held is not None or not tracker.armed(name):
+                return np.full(len(tips_m), FAR_M)
+            body, rule = tracker.body(name), tracker.rule
+            gaps_m = np.maximum(body.distance(tips_m[:, :3]), body.distance(tips_m[:, 3:]))
+            return gaps_m - rule.tip_radius_m - rule.band_m
+
+        return distance
+
+
