@@ -20,6 +20,7 @@ from haptics.link.messages import (
     BY_NAME,
     BY_TYPE,
     PROTOCOL_VERSION,
+    REMEMBERED_REPLIES,
     TICK_HZ,
     Board,
     Fault,
@@ -36,7 +37,6 @@ DEAD_MAN_MS = 100
 TELEMETRY_PERIOD_NS = 20 * NS_PER_MS
 TELEMETRY_SHARE = 0.4
 FARTHEST_TICKS = TICK_HZ  # commands may lie one second ahead
-REMEMBERED_REPLIES = 8
 WHOLE_BOARD = 255  # the channel of a fault that has none
 LIVE = (State.SELF_TEST, State.ARMED, State.DRIVING, State.DISCHARGING)
 _TURN_AROUND_NS = (20_000, 60_000)
@@ -71,6 +71,8 @@ class FirmwareModel:
     channels: int
     build: bytes
     telemetry_name: str
+    stricter_upward: frozenset[int] = frozenset()
+    """Which of the four limits are made stricter by raising them."""
 
     @classmethod
     def options(cls) -> dict[str, Option]:
@@ -277,8 +279,8 @@ class FirmwareModel:
     def _configure(self, message: Any) -> int:
         if self.state in (State.SELF_TEST, State.ARMED, State.DRIVING):
             raise Refusal(Status.INTERLOCK, self.faults)
-        for wanted, present in zip(message.limits, self.limits, strict=True):
-            if wanted > present:
+        for index, (wanted, present) in enumerate(zip(message.limits, self.limits, strict=True)):
+            if wanted < present if index in self.stricter_upward else wanted > present:
                 raise Refusal(Status.BAD_VALUE, 0)
         self.limits = list(message.limits)
         return 0

@@ -47,6 +47,7 @@ class TactilesBoard(FirmwareModel):
     channels = COIL_CHANNELS
     build = b"py-tac-1"
     telemetry_name = "tactiles_telemetry"
+    stricter_upward = frozenset({_LEAST_SUPPLY})
 
     @classmethod
     def options(cls) -> dict[str, Option]:

@@ -9,14 +9,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from haptics.errors import InputError
+from haptics.errors import ClockUncertain, InputError
 from haptics.link.commands import Pending
 from haptics.link.connection import Link
 from haptics.link.messages import Status
 from haptics.time import NS_PER_MS, seconds_to_ns
 from haptics.units import in_range
 
-COMMAND_LEAD_NS = 2 * NS_PER_MS
+COMMAND_LEAD_NS = 3 * NS_PER_MS
 """A command leaves the host this long before it acts."""
 
 
@@ -106,7 +106,7 @@ class BrakeDriver:
         duration_ms = round(in_range("duration_s", duration_s, 0.001, 1.0, "s") * 1000)
         soonest_ns = now_ns + COMMAND_LEAD_NS
         start_ns = soonest_ns if at_ns is None else max(soonest_ns, at_ns)
-        self._send("piezo", now_ns, self.link.to_ticks(start_ns), mask, duration_ms)
+        self._send("piezo", now_ns, start_ns, mask, duration_ms)
 
     def tick(self, now_ns: int) -> None:
         """Send changes and refreshes that are due, and note refusals."""
@@ -151,10 +151,15 @@ class BrakeDriver:
         self._refresh_ns = now_ns + self._ttl_ns // 3
         start_ns = max(now_ns + COMMAND_LEAD_NS, at_ns)
         ttl_ms = self._ttl_ns // NS_PER_MS
-        self._send("drive", now_ns, self.link.to_ticks(start_ns), mask, amplitude_v, self._frequency_dhz, ttl_ms)
+        self._send("drive", now_ns, start_ns, mask, amplitude_v, self._frequency_dhz, ttl_ms)
 
-    def _send(self, name: str, now_ns: int, *values: int) -> None:
-        self._replies.append((name, self.link.send(name, *values, now_ns=now_ns), now_ns))
+    def _send(self, name: str, now_ns: int, start_ns: int, *values: int) -> None:
+        try:
+            ticks = self.link.to_ticks(start_ns)
+        except ClockUncertain as error:
+            self._refusals.append(Refusal(name, str(error), now_ns))
+            return
+        self._replies.append((name, self.link.send(name, ticks, *values, now_ns=now_ns), now_ns))
 
     def _read_replies(self) -> None:
         waiting: list[tuple[str, Pending, int]] = []

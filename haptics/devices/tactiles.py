@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from haptics.errors import InputError
+from haptics.errors import ClockUncertain, InputError
 from haptics.link.messages import COIL_CHANNELS, DURATION_UNIT_US, Status
 from haptics.link.commands import Pending
 from haptics.link.connection import Link
@@ -17,8 +17,8 @@ from haptics.physics.latch import PULSE_BACK_S, PULSE_TOWARD_S, TRAIN_BACK_S, TR
 from haptics.scheduling import CoilLimits, CoilPulse, Outcome, Priority, Request, Scheduler, Stroke, ThermalBudget
 from haptics.time import NS_PER_MS, seconds_to_ns
 
-COMMAND_LEAD_NS = 2 * NS_PER_MS
-"""A pulse leaves the host this long before it starts: a few frames at 500 kbaud, and the error of the clock."""
+COMMAND_LEAD_NS = 3 * NS_PER_MS
+"""A pulse leaves the host this long before it starts: a tick, three frames at 500 kbaud, and the error of the clock."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,7 +104,7 @@ class TactilesDriver:
         :raises InputError: no actuator sits at this site.
         """
         channel = self._channel_of(site)
-        if self._pin_out[channel]:
+        if self._in_contact(channel):
             self._results.append(Result(site, "pulse", False, "contact", now_ns, None))
         else:
             self._submit(channel, Priority.PULSE, self._pulse, now_ns, at_ns)
@@ -128,7 +128,7 @@ class TactilesDriver:
         if not 1 <= cycles <= 10:
             raise InputError(f"cycles = {cycles} is not allowed; allowed: 1 to 10 (a burst lasts at most 50 ms)")
         channel = self._channel_of(site)
-        if self._pin_out[channel]:
+        if self._in_contact(channel):
             self._results.append(Result(site, "burst", False, "contact", now_ns, None))
         else:
             self._submit(channel, Priority.BURST, self._cycle * cycles, now_ns, at_ns)
@@ -187,6 +187,12 @@ class TactilesDriver:
         """Per channel: room under the limit of the rise, K."""
         return self._scheduler.headroom_k(now_ns)
 
+    def _in_contact(self, channel: int) -> bool:
+        """The pin is out, or its release waits: a newer request would take the release's place."""
+        return self._pin_out[channel] or any(
+            request.channel == channel and request.priority is Priority.RELEASE for request in self._requests.values()
+        )
+
     def _channel_of(self, site: str) -> int:
         if site not in self._channel:
             raise InputError(f"site = {site!r} has no actuator; allowed: {', '.join(self.sites)}")
@@ -232,9 +238,14 @@ class TactilesDriver:
                 toward |= bit if pulse.toward_skin else 0
                 durations[pulse.channel] = round(pulse.duration_s * 1e6 / DURATION_UNIT_US)
                 self.busy_until_ns = max(self.busy_until_ns, start_ns + seconds_to_ns(pulse.duration_s))
-            ticks = self.link.to_ticks(start_ns)
-            pending = self.link.send("pulse", ticks, channels, toward, durations, now_ns=now_ns)
             tokens = [pulse.token for pulse in group if isinstance(pulse.token, int)]
+            try:
+                ticks = self.link.to_ticks(start_ns)
+            except ClockUncertain:
+                for token in tokens:
+                    self._flying.setdefault(token, _InFlight()).refused = "clock"
+                continue
+            pending = self.link.send("pulse", ticks, channels, toward, durations, now_ns=now_ns)
             for token in tokens:
                 self._flying.setdefault(token, _InFlight()).waiting += 1
             self._replies.append((pending, tokens))

@@ -39,15 +39,15 @@ FASTEST_M_S = 5.0
 class DecisionParameters:
     """The rule's constants."""
 
-    doubt_early: float = 0.25
+    doubt_early: float = 0.4
     """``q``: standard deviations by which the aim is late of the middle of the guess."""
-    doubt_sure: float = 1.5
+    doubt_sure: float = 1.7
     """``z``: standard deviations that count as sure."""
     early_s: float = 0.015
     """How early a touch may be felt (the window's near end)."""
     shallow_m: float = 0.3e-3
     """A pose inside decides only if the site is, or within ``early_s`` gets, deeper than this: a graze is no touch."""
-    horizon_s: float = 0.070
+    horizon_s: float = 0.055
     """No guess reaches farther past its frame."""
     release_m: float = 0.3e-3
     """A touch ends when the site is farther off than this, now and when the pin will have left."""

@@ -6,13 +6,12 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 
 from haptics.errors import InputError
+from haptics.physics.latch import PULSE_BACK_S, PULSE_TOWARD_S, TRAIN_BACK_S, TRAIN_TOWARD_S
 from haptics.units import in_range
 
 CHANNELS = 15
 LONGEST_STROKE_S = 0.010  # thesis 3.4.3: at most 10 ms at 5 V
 CONTACT_S = RELEASE_S = 0.010
-PULSE_TOWARD_S, PULSE_BACK_S = 0.003, 0.007  # thesis 3.4.5 states the 3 ms; the way back fills up a 10 ms unit
-CYCLE_TOWARD_S, CYCLE_BACK_S = 0.002, 0.003  # thesis 3.4.5: 200 Hz
 
 
 class Priority(IntEnum):
@@ -161,7 +160,7 @@ def burst(
     """A pulse train at 200 Hz (thesis 3.4.5): cycles of 2 ms toward the skin and 3 ms back; 10 cycles take 50 ms."""
     if cycles < 1:
         raise InputError(f"cycles = {cycles} is not allowed; allowed: at least 1")
-    strokes = (Stroke(True, CYCLE_TOWARD_S), Stroke(False, CYCLE_BACK_S)) * cycles
+    strokes = (Stroke(True, TRAIN_TOWARD_S), Stroke(False, TRAIN_BACK_S)) * cycles
     return Request(channel, Priority.BURST, strokes, _or(submitted_ns, start_ns), start_ns, latest_ns, token)
 
 

@@ -32,6 +32,8 @@ from haptics.time import NS_PER_MS, NS_PER_S, MonotonicClock, VirtualClock, seco
 TICK_NS = NS_PER_MS
 ARM_TIMEOUT_S = 2.0
 OFF_TIMEOUT_S = 1.0
+HANDOVER_S = 100e-6
+"""Pause between two pulses that share a coil or its share of the current: more than a clock estimate moves between them."""
 WireTap = Callable[[str, int, bool, bytes], None]
 
 
@@ -147,7 +149,7 @@ class Glove:
             parameters = ThermalParameters() if own is None else ThermalParameters(tau_s=own.tau_s, c_k_per_w=own.c_k_per_w)
             budgets.append(ThermalBudget(parameters, part.rise_limit_k))
             powers.append(18.0 if own is None else own.power_w)
-        limits = CoilLimits(part.current_limit_a, part.coil_current_a, tuple(powers))
+        limits = CoilLimits(part.current_limit_a, part.coil_current_a, tuple(powers), HANDOVER_S)
         return TactilesDriver(self.links["tactiles"], part.sites, limits, budgets, part.contact_pulse_s)
 
     def _brake_driver(self, part: BrakeConfiguration) -> BrakeDriver:

@@ -102,7 +102,7 @@ def _onset(session: Session, frames: Sequence[HandFrame], latency_ns: int, start
         if session.glove.brakes is not None and scene.needs.brakes:
             begins = [Touched(ns, -1, name, counted=judged_ns[0] <= ns <= judged_ns[1]) for ns, name in truth.grasp_ns]
             brake_ns = [ns for ns in _brake_holds(session, start_ns) if first_ns <= ns <= last_ns + AFTER_NS]
-            measured.add(begins, brake_ns, last_ns - BEFORE_END_NS)
+            measured.add(begins, brake_ns, judged_ns)
             seen = [int(truth.frame_ns[np.searchsorted(truth.frame_ns, ns).clip(max=len(truth.frame_ns) - 1)]) for ns, _ in truth.grasp_ns]
             lead_ns = round(session.leads.brake_s * NS_PER_S)
             measured.hold.add(begins, [-(-(ns + latency_ns) // tick_ns) * tick_ns + lead_ns for ns in seen], judged_ns)

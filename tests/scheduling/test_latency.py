@@ -70,7 +70,8 @@ def test_fifteen_at_once_behind_blockers_reach_the_bound(coils_at_once: int, pri
         scheduler.submit(MAKERS[priority](channel, 0), 0)
     _, outcomes = scheduler.step(0, 500 * MS)
     worst_ns = max(o.start_ns for o in outcomes if o.start_ns is not None)
-    assert worst_ns == seconds_to_ns(latency_bound_s(coils_at_once, unit_s=0.010, blocker_s=0.005))
+    unit_s = sum(stroke.duration_s for stroke in MAKERS[priority](0, 0).strokes)
+    assert worst_ns == seconds_to_ns(latency_bound_s(coils_at_once, unit_s=unit_s, blocker_s=0.005))
 
 
 def test_bursts_among_bursts_wait_for_whole_bursts():

@@ -61,7 +61,7 @@ def test_a_contact_is_one_stroke_toward_the_skin_and_a_release_one_back():
 def test_a_pulse_is_a_pair_of_strokes_without_a_pause():
     scheduler = armed()
     scheduler.submit(pulse(0, 0), 0)
-    assert scheduler.step(0, 0)[0] == [CoilPulse(0, 0, 0.003, True), CoilPulse(0, 3 * MS, 0.007, False)]
+    assert scheduler.step(0, 0)[0] == [CoilPulse(0, 0, 0.003, True), CoilPulse(0, 3 * MS, 0.003, False)]
 
 
 def test_a_burst_is_given_out_cycle_by_cycle_and_told_of_once_at_its_end():
@@ -172,7 +172,7 @@ def test_pulses_and_contacts_are_never_cut():
     scheduler.submit(pulse(0, 0), 0)
     scheduler.step(0, 0)
     scheduler.submit(release(1, 3 * MS), 0)
-    assert starts_ms(scheduler.step(3 * MS, 20 * MS)[0]) == [(1, 10)]
+    assert starts_ms(scheduler.step(3 * MS, 20 * MS)[0]) == [(1, 6)]  # the pulse's 3 ms there and 3 ms back
 
 
 def test_a_request_not_started_by_its_latest_start_is_denied_late_and_says_what_held_it():
