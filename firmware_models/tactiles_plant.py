@@ -136,6 +136,9 @@ class Actuators:
         if elapsed_ns == 0:
             return
         plant = self._plants[channel]
+        if plant.at_rest and self.rise_k[channel] == 0.0 and plant.energy_j == self._counted_j[channel]:
+            self._settled_ns[channel] = now_ns  # cold and still: there is nothing to carry
+            return
         plant.advance((now_ns - self._start_ns) / 1e9)
         self._settled_ns[channel] = now_ns
         taken_j = max(plant.energy_j - self._counted_j[channel], 0.0)

@@ -52,33 +52,30 @@ class VirtualRunner:
 
         :raises InputError: ``t_ns`` lies in the past.
         """
-        self._service()
-        while True:
+        event_ns = self._next_event_ns()
+        while event_ns is not None and event_ns <= t_ns:
+            self.clock.advance_to(event_ns)
+            self._advance(event_ns)
+            for link in self.links:
+                if link.error is None:
+                    link.service(event_ns)
             event_ns = self._next_event_ns()
-            self.clock.advance_to(t_ns if event_ns is None or event_ns > t_ns else event_ns)
-            self._service()
-            if self.now_ns() == t_ns:
-                return
+        self.clock.advance_to(t_ns)
+        self._advance(t_ns)
 
     def _next_event_ns(self) -> int | None:
-        times: list[int] = []
+        """The next time at which a byte arrives, a board acts, or a session wants to be asked."""
+        earliest_ns: int | None = None
         for link in self.links:
-            deadline_ns = link.session.next_deadline_ns
-            if deadline_ns is not None:
-                times.append(deadline_ns)
-            event_ns = link.simulated.next_event() if link.simulated is not None else None
-            if event_ns is not None:
-                times.append(event_ns)
-        return max(min(times), self.now_ns() + 1) if times else None
+            for time_ns in (link.session.next_deadline_ns, link.simulated.next_event() if link.simulated else None):
+                if time_ns is not None and (earliest_ns is None or time_ns < earliest_ns):
+                    earliest_ns = time_ns
+        return None if earliest_ns is None else max(earliest_ns, self.now_ns() + 1)
 
-    def _service(self) -> None:
-        now_ns = self.now_ns()
+    def _advance(self, to_ns: int) -> None:
         for link in self.links:
             if link.simulated is not None and link.port.is_open:
-                link.simulated.advance(now_ns)
-        for link in self.links:
-            if link.error is None:
-                link.service(now_ns)
+                link.simulated.advance(to_ns)
 
     def wait_for(self, condition: Callable[[], bool], timeout_s: float) -> bool:
         """Run from event to event until ``condition`` holds or virtual time is up; returns whether it holds."""

@@ -5,10 +5,10 @@ early on a guess costs more than acting late. With the forecast distance ``d(h)`
 deviation ``s(h)`` (``haptics.rendering.prediction``), the pin is to be at the skin at the first ``h`` for which
 
 - ``d(h) + q s(h) <= 0``: it is touching, a little after the middle of the guess, and
-- ``d(h') + z s(h') <= 0`` for some ``h'`` in ``[h, h + 15 ms]``: it is *sure* to touch before an early pin would be noticed.
+- ``d(h') + z s(h') <= -0.3 mm`` for some ``h'`` in ``[h, h + 15 ms]``: it is *sure* to touch before an early pin is noticed.
 
-While the second fails the decision is left to the next frame, whose guess reaches less far; at the latest a pose inside the object
-decides. Each frame plans anew; between frames a tick only compares times.
+While the second fails the decision is left to the next frame, whose guess reaches less far; at the latest a pose inside the
+object decides. Each frame plans anew; between frames a tick only compares times.
 """
 
 from __future__ import annotations
@@ -41,12 +41,12 @@ class DecisionParameters:
 
     doubt_early: float = 0.4
     """``q``: standard deviations by which the aim is late of the middle of the guess."""
-    doubt_sure: float = 1.7
+    doubt_sure: float = 1.3
     """``z``: standard deviations that count as sure."""
     early_s: float = 0.015
     """How early a touch may be felt (the window's near end)."""
     shallow_m: float = 0.3e-3
-    """A pose inside decides only if the site is, or within ``early_s`` gets, deeper than this: a graze is no touch."""
+    """How deep *sure* means; a pose inside decides only if the site is, or within ``early_s`` gets, this deep: a graze is no touch."""
     horizon_s: float = 0.055
     """No guess reaches farther past its frame."""
     release_m: float = 0.3e-3
@@ -81,7 +81,7 @@ def touch_ahead(
     window = round(p.early_s / STEP_S)
     late_m = distance_m + p.doubt_early * deviation_m
     crossed = late_m <= 0.0
-    sure = _within(distance_m + p.doubt_sure * deviation_m <= 0.0, window)
+    sure = _within(distance_m + p.doubt_sure * deviation_m <= -p.shallow_m, window)
     deep = _within(distance_m <= -p.shallow_m, window) | (now_m <= -p.shallow_m)[:, None]
     decided = (crossed & sure) | ((now_m <= 0.0)[:, None] & deep)
     first = decided.argmax(axis=1)
@@ -231,7 +231,8 @@ class TouchDecider:
     def _plan(self, rows: NDArray[np.intp], columns: NDArray[np.intp], touch_s: Floats, time_ns: int) -> None:
         for pair in np.isfinite(touch_s).nonzero()[0].tolist():
             at = int(rows[pair]), int(columns[pair])
-            act_ns = max(time_ns + round(float(touch_s[pair]) * NS_PER_S) - self.lead_ns, int(self._turned_ns[at]) + self._p.dwell_ns)
+            touch_ns = time_ns + round(float(touch_s[pair]) * NS_PER_S)
+            act_ns = max(touch_ns - self.lead_ns, int(self._turned_ns[at]) + self._p.dwell_ns)
             self._act_ns[at], self._aimed_ns[at] = act_ns, act_ns + self.lead_ns
             self._next_ns = min(self._next_ns, act_ns)
 

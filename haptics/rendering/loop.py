@@ -214,7 +214,7 @@ class RenderLoop:
             self._grasp_changed(event, now_ns)
         for name in self._graspable:
             self._bodies[name] = self._grasps.body(name)
-        if self._ahead is not None and not self._quiet:
+        if self._ahead is not None and not self._quiet and self._grasps.held is None:
             self._ahead.observe(time_ns, thumb, index, now_ns)
 
     def _grasp_changed(self, event: GraspEvent, now_ns: int) -> None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -45,9 +46,7 @@ class Touched:
     counted: bool = True
 
 
-def touches_on(
-    time_ns: ArrayLike, distance_m: Floats, sites: Collection[int] | None = None, name: str = ""
-) -> list[Touched]:
+def touches_on(time_ns: ArrayLike, distance_m: Floats, sites: Collection[int] | None = None, name: str = "") -> list[Touched]:
     """Touches of one object in one track, in the order of site and time; one that is under way at the start is none.
 
     :param time_ns: (t,), of the whole track, close enough for a straight line between (1 ms or less).
@@ -200,12 +199,12 @@ def statistics_of(onsets: Onsets, from_m_s: float = 0.0, to_m_s: float = np.inf)
 
 def onset_statistics(onsets: Onsets) -> dict[str, Any]:
     """All touches; ``fast`` those at 100 mm/s or more; ``by_speed``; and the same of ``hold`` within each."""
-    edges = list(zip(SPEED_EDGES_M_S[:-1], SPEED_EDGES_M_S[1:], strict=True))
     return {
         **_beside_hold(onsets, 0.0, np.inf),
         "fast": _beside_hold(onsets, FAST_M_S, np.inf),
         "by_speed": [
-            {"from_m_s": low, "to_m_s": _finite(high), **_beside_hold(onsets, low, high)} for low, high in edges
+            {"from_m_s": low, "to_m_s": _finite(high), **_beside_hold(onsets, low, high)}
+            for low, high in pairwise(SPEED_EDGES_M_S)
         ],
     }
 

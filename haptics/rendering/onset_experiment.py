@@ -118,9 +118,7 @@ def _acted(
     prediction: PredictionParameters | None,
 ) -> dict[tuple[int, int], list[int]]:
     """When each device acted, by object and site."""
-    decider = TouchDecider(
-        [body.distance for body in bodies], path.radius_m, lead_ns, decision=decision, prediction=prediction
-    )
+    decider = TouchDecider([body.distance for body in bodies], path.radius_m, lead_ns, decision=decision, prediction=prediction)
     acted: dict[tuple[int, int], list[int]] = {}
     for tick_ns, arrived in _ticks(path.time_ns, latency_ns):
         for frame in arrived:

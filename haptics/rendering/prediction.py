@@ -6,13 +6,15 @@ points of the hand do together (it is averaged over them, and the arm behind it 
 
     x(h) = x + v h (1 - k h) + (g_c a_c + g_o a_o) (h^2 + h T)/2
 
-with ``v`` over the latest ``T`` (at least 8 ms), which is the velocity of ``T/2`` ago, hence ``h T``; ``a_c`` the mean of the accelerations
-of all points, ``a_o`` what is a point's own. The doubt is a standard deviation along any direction, here along an object's normal::
+with ``v`` over the latest ``T`` (at least 8 ms), which is the velocity of ``T/2`` ago, hence ``h T``; ``a_c`` the mean of the
+accelerations of all points, ``a_o`` what is a point's own. The doubt is a standard deviation along any direction, such as an
+object's normal::
 
     s(h) = A (h^2 + h T)/2 + s_0 (1 + h/T),    A^2 = (w_l |a|)^2 + (w_d |a' - a|)^2 + (w_r)^2 <|a'|^2>
 
-``a'`` is the acceleration between the last two velocities and ``<>`` a mean over the last frames: a point is hard to foresee if it
-accelerates, if its accelerations disagree, or if they did lately. How the constants were found: ``docs/explanation/onset.md``.
+``a'`` is the acceleration between the last two velocities and ``<>`` a mean over the last frames: a point is hard to foresee
+if it accelerates, if its accelerations disagree, or if they did lately. How the constants were found:
+``docs/explanation/onset.md``.
 """
 
 from __future__ import annotations
@@ -47,7 +49,7 @@ class PredictionParameters:
     level_weight: float = 0.2
     disagreement_weight: float = 0.2
     recent_weight: float = 0.15
-    noise_m: float = 0.05e-3
+    noise_m: float = 0.12e-3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -102,7 +104,7 @@ class _Velocity:
 
 
 class Predictor:
-    """Frames of one hand in, forecasts out. Until three velocities' worth of frames came, the forecast is the last pose."""
+    """Frames of one hand in, forecasts out. Until there is an acceleration, after 24 ms or more, the forecast is the last pose."""
 
     def __init__(self, parameters: PredictionParameters | None = None):
         self._p = parameters or PredictionParameters()
@@ -150,7 +152,8 @@ class Predictor:
         latest = (velocity - short.velocity_m_s) * (NS_PER_S / (middle_ns - short.middle_ns))
         squared = np.einsum("nd,nd->n", latest, latest)
         self._velocities.append(_Velocity(middle_ns, time_ns, velocity, squared))
-        while time_ns - self._velocities[0].end_ns > p.recent_ns and self._velocities[1].middle_ns <= middle_ns - p.acceleration_span_ns:
+        kept_ns = min(time_ns - p.recent_ns, middle_ns - p.acceleration_span_ns)
+        while self._velocities[1].middle_ns <= kept_ns:
             self._velocities.popleft()
         if long is None:
             return self._still(time_ns, position)
@@ -159,13 +162,10 @@ class Predictor:
         seen = np.isfinite(steady).all(axis=1)
         common = steady[seen].mean(axis=0) if seen.any() else np.zeros(position.shape[1])
         recent = [v.squared_change for v in self._velocities if v.squared_change is not None and time_ns - v.end_ns < p.recent_ns]
+        lately = sum(recent) / len(recent)
         level = np.einsum("nd,nd->n", steady, steady)
         disagreement = np.einsum("nd,nd->n", latest - steady, latest - steady)
-        doubt = np.sqrt(
-            p.level_weight**2 * level
-            + p.disagreement_weight**2 * disagreement
-            + p.recent_weight**2 * (sum(recent) / len(recent))
-        )
+        doubt = np.sqrt(p.level_weight**2 * level + p.disagreement_weight**2 * disagreement + p.recent_weight**2 * lately)
         bending = p.own_gain * steady + (p.common_gain - p.own_gain) * common
         return Forecast(time_ns, position, velocity, bending, doubt, span_s, p.damping_per_s, p.noise_m)
 

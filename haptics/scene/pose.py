@@ -98,14 +98,14 @@ def shortest_turn_xyzw(start: Array, end: Array) -> tuple[float, float, float, f
 
     Opposite directions leave the axis open; one at right angles to ``start`` is taken, always the same one.
     """
-    u, v = start / np.linalg.norm(start), end / np.linalg.norm(end)
-    cosine = float(u @ v)
-    if cosine < -1.0 + 1e-12:
-        axis = np.cross(u, np.eye(3)[int(np.argmin(np.abs(u)))])
-        axis /= np.linalg.norm(axis)
-        return _four([*axis.tolist(), 0.0])
-    quaternion = np.append(np.cross(u, v), 1.0 + cosine)
-    return _four((quaternion / np.linalg.norm(quaternion)).tolist())
+    (a, b, c), (x, y, z) = start.tolist(), end.tolist()  # plain numbers: three components are too few for numpy to pay
+    length = math.sqrt((a * a + b * b + c * c) * (x * x + y * y + z * z))
+    turn = [(b * z - c * y) / length, (c * x - a * z) / length, (a * y - b * x) / length, 1.0 + (a * x + b * y + c * z) / length]
+    if turn[3] < 1e-12:
+        axis = np.cross(start, np.eye(3)[int(np.argmin(np.abs(start)))])
+        return _four([*(axis / np.linalg.norm(axis)).tolist(), 0.0])
+    norm = math.sqrt(sum(part * part for part in turn))
+    return _four([part / norm for part in turn])
 
 
 def _four(values: Sequence[float]) -> tuple[float, float, float, float]:

@@ -1,0 +1,44 @@
+"""Onset error of predicted touch over any set of recorded hands, as ``haptics fidelity onset`` reports it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from haptics.errors import InputError
+from haptics.rendering.onset import onset_statistics
+from haptics.rendering.onset_experiment import SitePath, onset_experiment
+from haptics.scene.recordings import load_hand
+from haptics.time import NS_PER_MS, seconds_to_ns
+from haptics.units import in_range
+
+SHORTEST = 20
+"""A track of fewer poses has no touch far enough from its edges to be judged."""
+
+
+def onset_study(
+    hands: Sequence[str], folder: Path | None, objects: int, latencies_s: Sequence[float], seed: int
+) -> list[dict[str, Any]]:
+    """A row for each latency: the statistics of the decider, ``hold`` beside them, over all tracks of all hands.
+
+    :param hands: recordings or shipped names; with no folder either, the shipped hand.
+    :param folder: all ``*.json`` and ``*.json.gz`` in it besides.
+    :param objects: strewn for each track, 1 to 2000.
+    :raises InputError: a hand, folder or number that cannot be used, or no track long enough.
+    """
+    in_range("objects", objects, 1, 2000)
+    for latency_s in latencies_s:
+        in_range("latency", latency_s * 1e3, 0.0, 100.0, "ms")
+    found = list(hands)
+    if folder is not None:
+        found += sorted(str(path) for pattern in ("*.json", "*.json.gz") for path in folder.glob(pattern))
+        if not found:
+            raise InputError(f"folder {folder} holds no *.json or *.json.gz; allowed: a folder of recorded hands")
+    recordings = [load_hand(hand) for hand in found or ["synthetic"]]
+    paths = [SitePath.of(track) for recording in recordings for track in recording.tracks if len(track) >= SHORTEST]
+    if not paths:
+        raise InputError(f"no track of {SHORTEST} poses or more in {', '.join(r.source for r in recordings)}")
+    latencies_ns = [seconds_to_ns(latency_s) for latency_s in latencies_s]
+    onsets = onset_experiment(paths, latencies_ns, objects, seed)
+    return [{"latency_ms": latency_ns / NS_PER_MS, **onset_statistics(onsets[latency_ns])} for latency_ns in latencies_ns]
