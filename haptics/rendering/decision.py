@@ -46,7 +46,7 @@ class DecisionParameters:
     early_s: float = 0.015
     """How early a touch may be felt (the window's near end)."""
     shallow_m: float = 0.3e-3
-    """How deep *sure* means; a pose inside decides only if the site is, or within ``early_s`` gets, this deep: a graze is no touch."""
+    """How deep *sure* means. A pose inside decides only if the site is, or within ``early_s`` gets, this deep."""
     horizon_s: float = 0.055
     """No guess reaches farther past its frame."""
     release_m: float = 0.3e-3

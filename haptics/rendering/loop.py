@@ -11,8 +11,8 @@ from collections.abc import Collection
 from dataclasses import dataclass
 
 from haptics.devices import BrakeDriver, TactilesDriver
-from haptics.rendering.decision import TouchDecider
 from haptics.rendering.grasp_ahead import GraspAhead
+from haptics.rendering.touch_ahead import TouchAhead
 from haptics.scene.clutch_rules import BodyState
 from haptics.scene.contact import PinChange, Touch
 from haptics.scene.effects import GraspEffect
@@ -74,12 +74,11 @@ class RenderLoop:
         tactiles: TactilesDriver | None,
         brake: BrakeDriver | None,
         leads: Leads,
-        start_ns: int = 0,
         brake_amplitude_v: float = 1500.0,
     ):
         self.scene, self.sites = scene, sites
         self.tactiles, self.brake = tactiles, brake
-        self._start_ns = start_ns
+        self._start_ns = 0
         self._amplitude_v = brake_amplitude_v
         self._fingers = scene.needs.brakes or scene.needs.piezos
         self._contacts = scene.contact_tracker()
@@ -90,17 +89,20 @@ class RenderLoop:
         self.signals = scene.body_signals()
         self._clutch_v = {clutch.name: clutch.amplitude_v for clutch in scene.clutches}
         self._engaged: frozenset[str] = frozenset()
-        self._rules_ns = start_ns
+        self._rules_ns = 0
         self._bodies: dict[str, Placed] = {item.name: item.body for item in scene.objects}
         self._moving = tuple(item for item in scene.objects if item.motion is not None)
         self._graspable = tuple(item.name for item in scene.objects if item.grasp is not None)
         self._touchable = tuple(item.name for item in scene.objects if _can_be_touched(scene, item.name))
-        self._decider = TouchDecider(
-            [self._distance_of(name) for name in self._touchable],
+        movable = {item.name for item in self._moving} | set(self._graspable)
+        self._touch_ahead = TouchAhead(
+            self.body,
+            [name for name in self._touchable if name not in movable],
+            [name for name in self._touchable if name in movable],
             sites.radius_m,
             round(leads.pin_s * NS_PER_S),
             round(leads.pin_back_s * NS_PER_S),
-            stale_ns=STALE_NS,
+            STALE_NS,
         )
         self._ahead = (
             GraspAhead(self._grasps, self._graspable, round(leads.brake_s * NS_PER_S), STALE_NS) if self._graspable and brake else None
@@ -110,6 +112,10 @@ class RenderLoop:
         self._quiet = False
         self._events: list[LoopEvent] = []
         self.refused = 0
+
+    def begin(self, start_ns: int) -> None:
+        """The scene's own clock (motions, signals) reads zero at ``start_ns``."""
+        self._start_ns = self._rules_ns = start_ns
 
     # Poses ----------------------------------------------------------------------------------------------------------
 
@@ -131,7 +137,7 @@ class RenderLoop:
             self._grasp(frame.time_ns, positions, now_ns)
         if not self._quiet:
             if self._touchable:
-                self._decider.observe(frame.time_ns, positions, now_ns)
+                self._touch_ahead.observe(frame.time_ns, positions, now_ns)
             for name in self._watched:
                 nearest_m = float((self._bodies[name].distance(positions) - self.sites.radius_m).min())
                 self._patterns.approach(name, nearest_m, now_ns)
@@ -149,8 +155,7 @@ class RenderLoop:
         if self._pose_ns is not None and not self._quiet and now_ns - self._pose_ns > LOST_NS:
             self._go_quiet(now_ns)
         if self._touchable and not self._quiet:
-            for decided in self._decider.due(now_ns):
-                name = self._touchable[decided.object]
+            for name, decided in self._touch_ahead.due(now_ns):
                 if decided.begins:
                     touches, pins = self._contacts.touch(decided.site, name, now_ns)
                 else:
@@ -187,12 +192,6 @@ class RenderLoop:
         return self._bodies[name]
 
     # Touch ----------------------------------------------------------------------------------------------------------
-
-    def _distance_of(self, name: str):  # noqa: ANN202 - a closure the decider calls
-        def distance(points_m):  # noqa: ANN001, ANN202
-            return self._bodies[name].distance(points_m)
-
-        return distance
 
     def _apply(self, touches: list[Touch], pins: list[PinChange], now_ns: int, aimed_ns: int | None = None) -> None:
         for touch in touches:
@@ -293,7 +292,7 @@ class RenderLoop:
             self._events.append(LoopEvent(now_ns, "resumed"))
 
     def _let_go(self, now_ns: int) -> None:
-        self._decider.forget()
+        self._touch_ahead.forget()
         if self._ahead is not None:
             self._ahead.forget()
         self._apply(*self._contacts.release_all(now_ns), now_ns)

@@ -104,7 +104,7 @@ class _Velocity:
 
 
 class Predictor:
-    """Frames of one hand in, forecasts out. Until there is an acceleration, after 24 ms or more, the forecast is the last pose."""
+    """Frames of one hand in, forecasts out. Until there is an acceleration (24 ms or more), the last pose is the forecast."""
 
     def __init__(self, parameters: PredictionParameters | None = None):
         self._p = parameters or PredictionParameters()

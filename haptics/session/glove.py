@@ -1,8 +1,7 @@
 """One glove: ports opened, links up, drivers ready, and off again on every exit.
 
 ``Glove`` is the composition that runs, scripts and the render session share. In virtual time its owner steps it
-(``step_to``); in real time a thread a link moves bytes and the owner ticks the drivers (``haptics.open`` starts a thread for
-that too).
+(``step_to``); in real time its owner's loop serves links and drivers (``haptics.open`` starts a thread that does).
 """
 
 from __future__ import annotations
@@ -21,7 +20,8 @@ from haptics.link.connection import Link
 from haptics.link.events import Disarmed, Event, FaultReported, Lost, Rebooted, Telemetry
 from haptics.link.messages import Board, Fault, State
 from haptics.link.ports import open_port
-from haptics.link.runner import RealtimeRunner, VirtualRunner, connect, finish
+from haptics.link.polling import PollingRunner
+from haptics.link.runner import VirtualRunner, connect, finish
 from haptics.link.session import LinkSession
 from haptics.link.simulated import SimulatedPort, simulated
 from haptics.physics.thermal import ThermalParameters
@@ -98,8 +98,8 @@ class Glove:
                 if part is not None:
                     self.links[name] = self._open(name, part, seed, (levels or {}).get(name), wire_tap)
             links = list(self.links.values())
-            self._runner: VirtualRunner | RealtimeRunner = (
-                RealtimeRunner(links, self.clock) if realtime else VirtualRunner(links, self._virtual_clock)
+            self._runner: VirtualRunner | PollingRunner = (
+                PollingRunner(links, self.clock) if realtime else VirtualRunner(links, self._virtual_clock)
             )
         except BaseException:
             for link in self.links.values():
@@ -169,6 +169,8 @@ class Glove:
         """Bring links (and in virtual time boards) to ``to_ns`` and take in what they report; drivers are not ticked."""
         if isinstance(self._runner, VirtualRunner):
             self._runner.run_until(to_ns)
+        else:
+            self._runner.poll()
         for name, link in self.links.items():
             for event in link.events():
                 self._take(name, event)
@@ -287,11 +289,8 @@ class Glove:
 
     def close(self) -> None:
         """Close the ports; call :meth:`off` first."""
-        if isinstance(self._runner, RealtimeRunner):
-            self._runner.close()
-        else:
-            for link in self.links.values():
-                link.close()
+        for link in self.links.values():
+            link.close()
 
     # What a simulated glove knows besides ---------------------------------------------------------------------------
 

@@ -198,19 +198,18 @@ def _play(
     latency_s: float,
     options: RunOptions,
 ) -> tuple[Session, int, int, int | None]:
-    glove.arm()
     tick_ns = NS_PER_S // configuration.tick_hz
+    session = Session(scene, glove, configuration, recorder)
+    gc.collect()
+    gc.freeze()
+    glove.arm()
     start_ns = (glove.now_ns() // tick_ns + 2) * tick_ns
-    session = Session(scene, glove, configuration, recorder, start_ns)
-    if recorder is not None:
-        recorder.event(start_ns, "start")
+    session.begin(start_ns)
     arrivals = list(_arrivals(frames, recording, start_ns, seconds_to_ns(latency_s)))
     end_ns = (arrivals[-1][0] if arrivals else start_ns + seconds_to_ns(recording.duration_s)) + TAIL_NS
     ticks = -(-(end_ns - start_ns) // tick_ns)
     pace = _Pace(options.realtime, tick_ns)
     show = _Progress(options.progress, ticks)
-    gc.collect()
-    gc.freeze()
     try:
         index = 0
         for tick in range(ticks + 1):

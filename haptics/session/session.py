@@ -72,7 +72,6 @@ class Session:
 
     :param scene: placed. :param glove: open; armed by its owner.
     :param recorder: takes rows, or None.
-    :param start_ns: glove time at which the scene's own clock (motions, signals) reads zero.
     """
 
     def __init__(
@@ -81,7 +80,6 @@ class Session:
         glove: Glove,
         configuration: Configuration,
         recorder: Recorder | None = None,
-        start_ns: int = 0,
     ):
         self.scene, self.glove, self.recorder = scene, glove, recorder
         self.truth = Truth()
@@ -94,13 +92,18 @@ class Session:
             glove.tactiles,
             glove.brakes,
             self.leads,
-            start_ns=start_ns,
             brake_amplitude_v=configuration.brake.amplitude_v,
         )
         self._array_plant = glove.plant("tactiles")
         self._brake_plant = glove.plant("brake")
         self._sample_ns = 0
         glove.on_event(self._take_link_event)
+
+    def begin(self, start_ns: int) -> None:
+        """The scene's own clock (motions, signals) reads zero at ``start_ns`` of the glove's time."""
+        self.loop.begin(start_ns)
+        if self.recorder is not None:
+            self.recorder.event(start_ns, "start")
 
     def submit(self, frame: HandFrame, now_ns: int) -> str | None:
         """A pose that arrived at ``now_ns``; returns why it was refused, or None. Never blocks."""
