@@ -160,6 +160,13 @@ class TouchDecider:
         self._ends.clear()
         self._drop_plans()
 
+    def adopt(self, index: int, other: TouchDecider, other_index: int = 0) -> None:
+        """Go on with what another decider of the same sites holds about one object: what touches it, and since when."""
+        self._touching[index] = other._touching[other_index]
+        self._turned_ns[index] = other._turned_ns[other_index]
+        self._act_ns[index] = NEVER_NS
+        self._seen_m[index] = 0.0
+
     def observe(self, time_ns: int, position_m: ArrayLike, now_ns: int) -> None:
         """Plan anew from the frame sampled at ``time_ns``, in hand at ``now_ns``; frames that are not later change nothing.
 

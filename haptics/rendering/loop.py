@@ -94,11 +94,10 @@ class RenderLoop:
         self._moving = tuple(item for item in scene.objects if item.motion is not None)
         self._graspable = tuple(item.name for item in scene.objects if item.grasp is not None)
         self._touchable = tuple(item.name for item in scene.objects if _can_be_touched(scene, item.name))
-        movable = {item.name for item in self._moving} | set(self._graspable)
         self._touch_ahead = TouchAhead(
             self.body,
-            [name for name in self._touchable if name not in movable],
-            [name for name in self._touchable if name in movable],
+            self._touchable,
+            [item.name for item in self._moving if item.name in self._touchable],
             sites.radius_m,
             round(leads.pin_s * NS_PER_S),
             round(leads.pin_back_s * NS_PER_S),
@@ -137,7 +136,7 @@ class RenderLoop:
             self._grasp(frame.time_ns, positions, now_ns)
         if not self._quiet:
             if self._touchable:
-                self._touch_ahead.observe(frame.time_ns, positions, now_ns)
+                self._touch_ahead.observe(frame.time_ns, positions, now_ns, self._grasps.held)
             for name in self._watched:
                 nearest_m = float((self._bodies[name].distance(positions) - self.sites.radius_m).min())
                 self._patterns.approach(name, nearest_m, now_ns)
