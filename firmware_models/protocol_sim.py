@@ -89,7 +89,7 @@ class Serial(SerialBase):
 
     def _attach(self, board: str, options: dict[str, Any]) -> Cable:
         world = self._world
-        with world.changed:
+        with world.lock:
             now_ns = world.catch_up()
             cable = world.members.get(board)
             if cable is None:
@@ -108,14 +108,14 @@ class Serial(SerialBase):
         if not self.is_open:
             return
         self.is_open = False
-        with self._world.changed:
+        with self._world.lock:
             self._cable.attached = False
             self._world.changed.notify_all()
         worlds.leave(self._world_name, self._world)
 
     def _reconfigure_port(self) -> None:
         if self.is_open:
-            with self._world.changed:
+            with self._world.lock:
                 self._cable.set_host_baud(self.baudrate or self._cable.to_host.baud)
 
     # Bytes.
@@ -131,13 +131,13 @@ class Serial(SerialBase):
     @property
     def in_waiting(self) -> int:
         """Bytes that can be read at once."""
-        with self._live().changed:
+        with self._live().lock:
             return self._cable.to_host.waiting(self._now())
 
     @property
     def out_waiting(self) -> int:
         """Bytes written that have not reached the board yet."""
-        with self._live().changed:
+        with self._live().lock:
             return self._cable.to_board.in_transit(self._now())
 
     def read(self, size: int = 1) -> bytes:
@@ -146,7 +146,7 @@ class Serial(SerialBase):
         :raises SerialException: port closed, or a wait without end on a virtual clock.
         """
         world = self._live()
-        with world.changed:
+        with world.lock:
             line = self._cable.to_host
             now_ns = self._now()
             deadline_ns = NEVER_NS if self.timeout is None else now_ns + seconds_to_ns(self.timeout)
@@ -161,7 +161,7 @@ class Serial(SerialBase):
     def write(self, data: Any, /) -> int:
         """Hand bytes to the line; they reach the board at the baud rate."""
         data = bytes(data)
-        with self._live().changed:
+        with self._live().lock:
             now_ns = self._now()
             self._cable.to_board.send(data, now_ns)
             self._world.replan()
@@ -170,18 +170,18 @@ class Serial(SerialBase):
 
     def flush(self) -> None:
         """Wait until the last byte written has reached the board."""
-        with self._live().changed:
+        with self._live().lock:
             while self._cable.to_board.busy_until_ns > self._now():
                 self._world.wait(self._cable.to_board.busy_until_ns)
 
     def reset_input_buffer(self) -> None:
         """Forget what has arrived."""
-        with self._live().changed:
+        with self._live().lock:
             self._cable.to_host.drop_arrived(self._now())
 
     def reset_output_buffer(self) -> None:
         """Forget what has not left."""
-        with self._live().changed:
+        with self._live().lock:
             self._cable.to_board.drop_unsent(self._now())
             self._world.replan()
 
@@ -213,7 +213,7 @@ class Serial(SerialBase):
     @property
     def now_ns(self) -> int:
         """The world's time: from 0 on a virtual clock, the machine's monotonic time on the real one."""
-        with self._live().changed:
+        with self._live().lock:
             return self._now()
 
     def advance(self, to_ns: int) -> None:
@@ -222,11 +222,11 @@ class Serial(SerialBase):
         :raises InputError: ``to_ns`` lies in the past, or ahead of the real clock, which nobody moves.
         """
         world = self._live()
-        with world.changed:
-            if not world.virtual and to_ns > time.monotonic_ns():
-                raise InputError(f"to_ns = {to_ns} lies ahead of the real clock; open the port with clock=virtual to move time")
+        with world.lock:
             if world.virtual:
                 world.advance(to_ns)
+            elif to_ns > time.monotonic_ns():
+                raise InputError(f"to_ns = {to_ns} lies ahead of the real clock; open the port with clock=virtual to move time")
             else:
                 world.catch_up()
 
@@ -237,19 +237,19 @@ class Serial(SerialBase):
 
     def truth(self) -> dict[str, Any]:
         """The plant as it is now; see the board's own ``truth``."""
-        with self._live().changed:
+        with self._live().lock:
             self._cable.advance(self._now())
             return self._cable.board.truth()
 
     def set_load(self, channel: int, **load: float) -> None:
         """Act on the plant from outside; see the board's own ``set_load``."""
-        with self._live().changed:
+        with self._live().lock:
             self._cable.advance(self._now())
             self._cable.board.set_load(channel, **load)
             self._world.replan()
 
     def energised(self) -> list[int]:
         """Channels that carry current or dangerous volts now."""
-        with self._live().changed:
+        with self._live().lock:
             self._cable.advance(self._now())
             return self._cable.board.energised()

@@ -35,15 +35,13 @@ class World:
 
     def __init__(self, clock: str):
         self.clock = clock
+        self.virtual = clock == "virtual"
         self.members: dict[str, Member] = {}
         self.open_ports = 0
-        self.changed = threading.Condition(threading.RLock())
-        self.now_ns = time.monotonic_ns() if clock == "real" else 0
+        self.lock = threading.RLock()
+        self.changed = threading.Condition(self.lock)
+        self.now_ns = 0 if self.virtual else time.monotonic_ns()
         self._next_ns = NEVER_NS
-
-    @property
-    def virtual(self) -> bool:
-        return self.clock == "virtual"
 
     def replan(self) -> None:
         """Look again for the next event; to be called when a member was handed something from outside."""
@@ -73,7 +71,7 @@ class World:
 
     def catch_up(self) -> int:
         """Bring a world on the real clock to now; returns the world's time."""
-        if self.clock == "real":
+        if not self.virtual:
             self.advance(max(time.monotonic_ns(), self.now_ns))
         return self.now_ns
 

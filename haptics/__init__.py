@@ -28,13 +28,18 @@ _FACE = {
 __all__ = ["__version__", *_FACE]  # pyright: ignore[reportUnsupportedDunderAll]
 
 if TYPE_CHECKING:
-    from haptics.errors import HapticsError, InputError, LimitError, LinkError
-    from haptics.scene import load_scene, shipped_scenes
-    from haptics.scene.hand import HandFrame
-    from haptics.scene.recordings import load_hand
-    from haptics.session.configuration import load_configuration
-    from haptics.session.glove import Glove, open
-    from haptics.session.session import Session
+    from haptics.errors import (
+        HapticsError as HapticsError,
+        InputError as InputError,
+        LimitError as LimitError,
+        LinkError as LinkError,
+    )
+    from haptics.scene import load_scene as load_scene, shipped_scenes as shipped_scenes
+    from haptics.scene.hand import HandFrame as HandFrame
+    from haptics.scene.recordings import load_hand as load_hand
+    from haptics.session.configuration import load_configuration as load_configuration
+    from haptics.session.glove import Glove as Glove, open as open
+    from haptics.session.session import Session as Session
 
 
 def __getattr__(name: str) -> Any:

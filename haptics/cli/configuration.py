@@ -27,7 +27,8 @@ def check(
     print(f"{path}: valid")
     print(f"  hand      {configuration.side}, tracker latency {configuration.tracker_latency_s * 1e3:g} ms")
     tactiles, brake = configuration.tactiles, configuration.brake
-    print(f"  tactiles  {tactiles.port}, {len(tactiles.sites)} sites, {tactiles.rise_limit_k:g} K, {tactiles.current_limit_a:g} A")
+    limits = f"{tactiles.rise_limit_k:g} K, {tactiles.current_limit_a:g} A"
+    print(f"  tactiles  {tactiles.port}, {len(tactiles.sites)} sites, {limits}")
     print(f"  brake     {brake.port}, {', '.join(brake.channels)}, {brake.amplitude_v:g} V at {brake.frequency_hz:g} Hz")
 
 

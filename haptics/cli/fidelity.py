@@ -49,8 +49,9 @@ def onset(
     if json:
         print_json({"rows": rows})
         return
+    columns = ("n", "signed_median", "median", "p95")
     flat = [
-        (r["latency_ms"], how, s["n"], s["signed_median"], s["median"], s["p95"], _percent(s["in_window"]), s["false"], s["missed"])
+        (r["latency_ms"], how, *(s[name] for name in columns), _percent(s["in_window"]), s["false"], s["missed"])
         for r in plain(rows)
         for how, s in (("predicted", r["fast"]), ("hold", r["fast"]["hold"]))
     ]

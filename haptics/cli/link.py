@@ -23,7 +23,7 @@ def ports(json: Annotated[bool, typer.Option("--json", help="print one JSON obje
 
 
 def off(
-    port: Annotated[list[str] | None, typer.Option("--port", help="port to make safe; repeat for more [default: all found]")] = None,
+    port: Annotated[list[str] | None, typer.Option("--port", help="port to make safe; repeat for more [default: all]")] = None,
     json: Annotated[bool, typer.Option("--json", help="print one JSON object")] = False,
 ) -> None:
     """Make every board that is found safe: nothing energised, disarmed."""

@@ -17,8 +17,9 @@ def plain(value: Any) -> Any:
         return {str(k): plain(v) for k, v in value.items()}
     if isinstance(value, (list, tuple, set)):
         return [plain(v) for v in value]
-    if hasattr(value, "tolist"):
-        return plain(value.tolist())
+    tolist = getattr(value, "tolist", None)  # arrays and numpy's numbers
+    if callable(tolist):
+        return plain(tolist())
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value

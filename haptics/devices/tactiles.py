@@ -10,15 +10,19 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from haptics.errors import ClockUncertain, InputError
-from haptics.link.messages import COIL_CHANNELS, DURATION_UNIT_US, Status
 from haptics.link.commands import Pending
 from haptics.link.connection import Link
+from haptics.link.messages import COIL_CHANNELS, DURATION_UNIT_US, Status
 from haptics.physics.latch import PULSE_BACK_S, PULSE_TOWARD_S, TRAIN_BACK_S, TRAIN_TOWARD_S
 from haptics.scheduling import CoilLimits, CoilPulse, Outcome, Priority, Request, Scheduler, Stroke, ThermalBudget
 from haptics.time import NS_PER_MS, seconds_to_ns
 
 COMMAND_LEAD_NS = 3 * NS_PER_MS
 """A pulse leaves the host this long before it starts: a tick, three frames at 500 kbaud, and the error of the clock."""
+
+
+WORTH_ANOTHER_TRY = ("late", "full", "clock")
+"""A pin that a board did not move for one of these reasons is asked to move again, as long as that is still wanted."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,6 +72,8 @@ class TactilesDriver:
         self._channel = {site: channel for channel, site in enumerate(self.sites)}
         self._scheduler = Scheduler(len(self.sites), limits, self.budgets)
         self._pin_out = [False] * len(self.sites)
+        self._wanted_out = [False] * len(self.sites)
+        self._again: list[int] = []
         self._contact = (Stroke(True, contact_pulse_s),)
         self._release = (Stroke(False, contact_pulse_s),)
         self._pulse = (Stroke(True, PULSE_TOWARD_S), Stroke(False, PULSE_BACK_S))
@@ -138,6 +144,10 @@ class TactilesDriver:
         while self._later and self._later[0][0] <= now_ns + COMMAND_LEAD_NS:
             at_ns, site = self._later.pop(0)
             self.pulse(site, now_ns, at_ns)
+        if self._again:
+            again, self._again = self._again, []
+            for channel in again:
+                self._set_pin(self.sites[channel], self._wanted_out[channel], now_ns, None)
         pulses, outcomes = self._scheduler.step(now_ns, now_ns + COMMAND_LEAD_NS)
         if pulses:
             self._send(pulses, now_ns)
@@ -200,6 +210,7 @@ class TactilesDriver:
 
     def _set_pin(self, site: str, out: bool, now_ns: int, at_ns: int | None) -> bool:
         channel = self._channel_of(site)
+        self._wanted_out[channel] = out
         if self._pin_out[channel] == out:
             return False
         self._pin_out[channel] = out
@@ -207,9 +218,7 @@ class TactilesDriver:
         self._submit(channel, priority, strokes, now_ns, at_ns)
         return True
 
-    def _submit(
-        self, channel: int, priority: Priority, strokes: tuple[Stroke, ...], now_ns: int, at_ns: int | None
-    ) -> None:
+    def _submit(self, channel: int, priority: Priority, strokes: tuple[Stroke, ...], now_ns: int, at_ns: int | None) -> None:
         soonest_ns = now_ns + COMMAND_LEAD_NS
         start_ns = soonest_ns if at_ns is None else max(soonest_ns, at_ns)
         request = Request(
@@ -220,8 +229,8 @@ class TactilesDriver:
             start_ns=start_ns,
             token=self._next_token,
         )
+        self._requests[self._next_token] = request
         self._next_token += 1
-        self._requests[request.token] = request
         for outcome in self._scheduler.submit(request, now_ns):
             self._settle(outcome)
 
@@ -286,6 +295,8 @@ class TactilesDriver:
         reason = None if played else (flying.refused or outcome.reason)
         if not played and request.priority in (Priority.CONTACT, Priority.RELEASE) and reason != "superseded":
             self._pin_out[request.channel] = request.priority is Priority.RELEASE
+            if reason in WORTH_ANOTHER_TRY:
+                self._again.append(request.channel)
         self._results.append(
             Result(
                 self.sites[request.channel],
@@ -296,5 +307,3 @@ class TactilesDriver:
                 outcome.start_ns,
             )
         )
-
-

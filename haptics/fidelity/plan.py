@@ -59,9 +59,9 @@ def plan_scene(scene: Scene) -> Plan:
     absent: list[Absence] = [Absence(name, why) for name, why in scene.absent]
     if needs.tactiles:
         driven = sorted(set(needs.pins) | set(needs.pulses))
-        why = f"{_count(driven, 'site')} driven: {_modes(needs.pins, needs.pulses)}; the pin's flight decides when a touch is felt"
+        why = f"{_count(driven, 'site')} driven: {_modes(needs.pins, needs.pulses)}; its flight decides when a touch is felt"
         rows.append(PlanRow("tactiles", "latch", LATCH_LEVEL, why))
-        rows.append(PlanRow("heat", "thermal", "exact", "first-order heat has a closed form, so no cheaper level is worth having"))
+        rows.append(PlanRow("heat", "thermal", "exact", "first-order heat has a closed form: nothing is cheaper"))
     else:
         absent.append(Absence("tactiles", "nothing in the scene touches, fills a set of sites, or plays a pattern"))
     if needs.brakes or needs.clutches:
@@ -82,4 +82,5 @@ def _count(names: Sequence[str], what: str) -> str:
 
 
 def _modes(pins: Sequence[str], pulses: Sequence[str]) -> str:
-    return " and ".join(part for part in (f"{len(pins)} in contact mode" * bool(pins), f"{len(pulses)} in pulse mode" * bool(pulses)) if part)
+    modes = [(pins, "contact"), (pulses, "pulse")]
+    return " and ".join(f"{len(sites)} in {mode} mode" for sites, mode in modes if sites)

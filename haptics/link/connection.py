@@ -7,10 +7,10 @@ from typing import Any
 
 from haptics.errors import LinkError, LinkLost
 from haptics.link.clock import ClockFit
-from haptics.link.commands import Pending
+from haptics.link.commands import NEVER_NS, Pending
 from haptics.link.events import Event
 from haptics.link.messages import Board
-from haptics.link.ports import BytePort, port_errors
+from haptics.link.ports import BytePort, PortErrors
 from haptics.link.session import LinkSession
 from haptics.link.simulated import simulated
 
@@ -29,6 +29,7 @@ class Link:
     def __init__(self, port: BytePort, session: LinkSession):
         self.port, self.session = port, session
         self.simulated = simulated(port)
+        self._reading, self._writing = PortErrors(self.name, "read"), PortErrors(self.name, "write")
         self._lock = threading.RLock()
 
     @property
@@ -108,10 +109,24 @@ class Link:
             self._write(now_ns)
             return pending
 
+    @property
+    def next_event_ns(self) -> int:
+        """When the session wants to be asked, or a simulated port's board acts or is heard; ``NEVER_NS`` if nothing will happen."""
+        event_ns = self.simulated.next_event() if self.simulated is not None else None
+        deadline_ns = self.session.next_deadline_ns
+        return min(NEVER_NS if event_ns is None else event_ns, NEVER_NS if deadline_ns is None else deadline_ns)
+
+    def advance(self, to_ns: int) -> None:
+        """Carry a simulated port to ``to_ns``; a real one, or a closed one, needs nobody for that."""
+        if self.simulated is not None and self.port.is_open:
+            self.simulated.advance(to_ns)
+
     def service(self, now_ns: int) -> None:
-        """Hand what has come to the session, let it work, write what it says. Waits for nothing."""
+        """Hand what has come to the session, let it work, write what it says. Waits for nothing; a link that ended stays as it is."""
+        if self.session.error is not None:
+            return
         try:
-            with port_errors(self.name, "read"):
+            with self._reading:
                 count = self.port.in_waiting
                 data = self.port.read(count) if count else b""
         except LinkLost as error:
@@ -124,7 +139,7 @@ class Link:
 
         :raises LinkLost: the port went away.
         """
-        with port_errors(self.name, "read"):
+        with self._reading:
             data = self.port.read(1)
             count = self.port.in_waiting if data else 0
             return data + self.port.read(count) if count else data
@@ -151,7 +166,7 @@ class Link:
     def close(self) -> None:
         """Close the port."""
         try:
-            with port_errors(self.name, "close"):
+            with PortErrors(self.name, "close"):
                 self.port.close()
         except LinkLost:
             pass  # it is closed, one way or another
@@ -161,7 +176,7 @@ class Link:
         if not data:
             return
         try:
-            with port_errors(self.name, "write"):
+            with self._writing:
                 self.port.write(data)
         except LinkLost as error:
             self.session.lost(error, now_ns)

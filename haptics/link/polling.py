@@ -22,7 +22,7 @@ class PollingRunner:
     """
 
     def __init__(self, links: Sequence[Link], clock: Clock | None = None):
-        self.links = list(links)
+        self.links: Sequence[Link] = list(links)
         self.clock = clock if clock is not None else MonotonicClock()
 
     def now_ns(self) -> int:

@@ -11,10 +11,9 @@ from __future__ import annotations
 
 import errno
 import os
-from collections.abc import Generator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from types import TracebackType
 from typing import Any, Protocol
 
 import serial
@@ -105,19 +104,22 @@ def open_port(url: str, baud: int = DEFAULT_BAUD) -> BytePort:
         raise _why_not_opened(url, error) from error
 
 
-@contextmanager
-def port_errors(url: str, doing: str) -> Generator[None]:
-    """Turn whatever an open port raises into one ``LinkLost``."""
-    try:
-        yield
-    except serial.SerialTimeoutException as error:
-        raise LinkLost(
-            url, f"the peer takes no bytes ({error})", doing, "is the board running? unplug it and plug it in again"
-        ) from error
-    except (*_port_errors, TypeError) as error:  # TypeError: pyserial, when a port is closed under a call
-        raise LinkLost(
-            url, f"the port went away ({error or type(error).__name__})", doing, "check the cable, then connect again"
-        ) from error
+class PortErrors:
+    """A context that turns whatever an open port raises into one ``LinkLost``. Holds nothing, so one may be kept and used again."""
+
+    def __init__(self, url: str, doing: str):
+        self._url, self._doing = url, doing
+
+    def __enter__(self) -> None: ...
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        if isinstance(error, serial.SerialTimeoutException):
+            raise LinkLost(
+                self._url, f"the peer takes no bytes ({error})", self._doing, "is the board running? unplug it and plug it in again"
+            ) from error
+        if isinstance(error, (*_port_errors, TypeError)):  # TypeError: pyserial, when a port is closed under a call
+            seen = f"the port went away ({error or type(error).__name__})"
+            raise LinkLost(self._url, seen, self._doing, "check the cable, then connect again") from error
 
 
 def _why_not_opened(url: str, error: Exception) -> LinkError:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, Protocol
 
 from haptics.errors import InputError, LinkError, LinkLost, ReplyTimeout
-from haptics.link.commands import Pending
+from haptics.link.commands import NEVER_NS, Pending
 from haptics.link.connection import Link
 from haptics.link.ports import open_port
 from haptics.link.session import Phase
@@ -19,7 +19,8 @@ _BACKOFF_NS = (250 * NS_PER_MS, 500 * NS_PER_MS, NS_PER_S, 2 * NS_PER_S, 4 * NS_
 class Runner(Protocol):
     """Drives some links and lets time pass."""
 
-    links: Sequence[Link]
+    @property
+    def links(self) -> Sequence[Link]: ...
 
     def now_ns(self) -> int: ...
 
@@ -52,30 +53,28 @@ class VirtualRunner:
 
         :raises InputError: ``t_ns`` lies in the past.
         """
-        event_ns = self._next_event_ns()
-        while event_ns is not None and event_ns <= t_ns:
+        event_ns, due = self._next_event()
+        while due and event_ns <= t_ns:
             self.clock.advance_to(event_ns)
-            self._advance(event_ns)
-            for link in self.links:
-                if link.error is None:
-                    link.service(event_ns)
-            event_ns = self._next_event_ns()
+            for link in due:
+                link.advance(event_ns)
+                link.service(event_ns)
+            event_ns, due = self._next_event()
         self.clock.advance_to(t_ns)
-        self._advance(t_ns)
-
-    def _next_event_ns(self) -> int | None:
-        """The next time at which a byte arrives, a board acts, or a session wants to be asked."""
-        earliest_ns: int | None = None
         for link in self.links:
-            for time_ns in (link.session.next_deadline_ns, link.simulated.next_event() if link.simulated else None):
-                if time_ns is not None and (earliest_ns is None or time_ns < earliest_ns):
-                    earliest_ns = time_ns
-        return None if earliest_ns is None else max(earliest_ns, self.now_ns() + 1)
+            link.advance(t_ns)
 
-    def _advance(self, to_ns: int) -> None:
+    def _next_event(self) -> tuple[int, list[Link]]:
+        """The next time at which a byte arrives, a board acts, or a session wants to be asked; and at which links."""
+        earliest_ns, due = NEVER_NS, list[Link]()
+        soonest_ns = self.clock.now_ns() + 1
         for link in self.links:
-            if link.simulated is not None and link.port.is_open:
-                link.simulated.advance(to_ns)
+            time_ns = max(link.next_event_ns, soonest_ns)
+            if time_ns < earliest_ns:
+                earliest_ns, due = time_ns, [link]
+            elif time_ns == earliest_ns < NEVER_NS:
+                due.append(link)
+        return earliest_ns, due
 
     def wait_for(self, condition: Callable[[], bool], timeout_s: float) -> bool:
         """Run from event to event until ``condition`` holds or virtual time is up; returns whether it holds."""
@@ -83,8 +82,7 @@ class VirtualRunner:
         while not condition():
             if self.now_ns() >= end_ns:
                 return False
-            event_ns = self._next_event_ns()
-            self.run_until(end_ns if event_ns is None else min(event_ns, end_ns))
+            self.run_until(min(self._next_event()[0], end_ns))
         return True
 
 

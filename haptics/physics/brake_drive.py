@@ -22,6 +22,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from haptics.physics.parameters import Parameters, parameter
 from haptics.units import in_range, one_of
@@ -53,8 +54,7 @@ class HalfPeriod:
     energy_j: float
 
 
-@dataclass(frozen=True)
-class Regime:
+class Regime(NamedTuple):
     """First-order motion of ``u``: ``u' = (target - u) / tau`` until it reaches ``until`` (nan: for ever).
 
     ``supply``: current limited, voltage limited, or blocked.
@@ -108,8 +108,7 @@ def time_to_reach_s(u_v: float, level_v: float, regime: Regime) -> float:
     return -regime.tau_s * math.log1p(-share)
 
 
-@dataclass(frozen=True)
-class Charged:
+class Charged(NamedTuple):
     """Where charging led: ``u`` at the end, charge and energy taken from the supply, bleeder included."""
 
     u_v: float

@@ -53,6 +53,9 @@ class OutputStage:
         self._stiff = one_of("reversal", reversal, ("clamped", "direct")) == "direct"
         self._now_s = float(start_s)
         self._mask = 0
+        self._connected: list[Output] = []
+        self._shorted = self._outputs
+        self._total_f, self._leak_s = self._load()
         self._set_v = 0.0
         self._frequency_hz = 0.0
         self._polarity = 1
@@ -103,8 +106,7 @@ class OutputStage:
         """
         if to_s < self._now_s:
             raise InputError(f"to_s = {to_s!r} s lies before the stage's {self._now_s!r} s; time only moves forward")
-        while self.next_event_s is not None and self.next_event_s <= to_s:
-            at_s = self.next_event_s
+        while (at_s := self._next_event_s()) <= to_s:
             self._evolve(at_s)
             if at_s >= self._reversal_s:
                 self._reverse(at_s)
@@ -115,9 +117,8 @@ class OutputStage:
     @property
     def next_event_s(self) -> float | None:
         """When the bridge switches next by itself (end of a clamp, or a reversal), or None."""
-        starts_s = self._charging_from_s if self._charging_from_s > self._now_s else math.inf
-        at_s = min(starts_s, self._reversal_s)
-        return None if math.isinf(at_s) else at_s
+        at_s = self._next_event_s()
+        return None if at_s == math.inf else at_s
 
     @property
     def now_s(self) -> float:
@@ -182,39 +183,38 @@ class OutputStage:
             o.capacitance_f = in_range("capacitance_f", capacitance_f, 0.0, 1e-3, "F")
         if leak_ohm is not None:
             o.leak_ohm = math.inf if leak_ohm == math.inf else in_range("leak_ohm", leak_ohm, 1.0, math.inf, "ohm")
+        self._total_f, self._leak_s = self._load()
 
     @property
     def _charging(self) -> bool:
         return self._mask != 0 and self._now_s >= self._charging_from_s
 
-    def _connected(self) -> list[Output]:
-        return [o for k, o in enumerate(self._outputs) if self._mask >> k & 1]
+    def _next_event_s(self) -> float:
+        return min(self._charging_from_s, self._reversal_s) if self._charging_from_s > self._now_s else self._reversal_s
 
     def _load(self) -> tuple[float, float]:
         """Capacitance and leak conductance on the bridge."""
-        group = self._connected()
         # Without any capacitance the voltage would jump; a picofarad keeps the equations regular.
-        total_f = max(self._drive.stray_f + sum(o.capacitance_f for o in group), 1e-12)
-        return total_f, sum(1.0 / o.leak_ohm for o in group)
+        total_f = max(self._drive.stray_f + sum(o.capacitance_f for o in self._connected), 1e-12)
+        return total_f, sum(1.0 / o.leak_ohm for o in self._connected)
 
     def _regime(self) -> Regime:
-        total_f, leak_s = self._load()
-        return charging_regime(self._bridge_v * self._polarity, self._set_v, total_f, leak_s, self._drive)
+        return charging_regime(self._bridge_v * self._polarity, self._set_v, self._total_f, self._leak_s, self._drive)
 
     def _current_into_bridge_a(self) -> float:
-        total_f, leak_s = self._load()
         u_v, regime = self._bridge_v * self._polarity, self._regime()
-        return total_f * (regime.target_v - u_v) / regime.tau_s + u_v * leak_s
+        return self._total_f * (regime.target_v - u_v) / regime.tau_s + u_v * self._leak_s
 
     def _connect(self, mask: int) -> None:
         """Put the outputs in ``mask`` in parallel (charge is shared at once); the others keep their voltage and are shorted."""
         if not mask:
             self._bridge_v = 0.0  # the stray capacitance goes with the short
         self._mask = mask
-        total_f, _ = self._load()
-        group = self._connected()
+        group = self._connected = [o for k, o in enumerate(self._outputs) if mask >> k & 1]
+        self._shorted = [o for k, o in enumerate(self._outputs) if not mask >> k & 1]
+        self._total_f, self._leak_s = self._load()
         charge_c = self._drive.stray_f * self._bridge_v + sum(o.capacitance_f * o.volts for o in group)
-        self._bridge_v = charge_c / total_f if group else 0.0
+        self._bridge_v = charge_c / self._total_f if group else 0.0
         for o in group:
             o.volts, o.peak_v = self._bridge_v, abs(self._bridge_v)
 
@@ -225,7 +225,7 @@ class OutputStage:
         self._polarity = -self._polarity
         self.reversals += 1
         self._charging_from_s = at_s + (0.0 if self._stiff else clamp_time_s(self._frequency_hz, self._drive))
-        for o in self._connected():
+        for o in self._connected:
             o.peak_v = min(abs(o.volts), self._set_v)
 
     def _evolve(self, to_s: float) -> None:
@@ -234,22 +234,21 @@ class OutputStage:
         if dt_s <= 0.0:
             return
         r = self._drive.output_resistance_ohm
-        for k, o in enumerate(self._outputs):
-            if not self._mask >> k & 1 and o.volts != 0.0:
+        for o in self._shorted:
+            if o.volts != 0.0:
                 o.volts = o.volts * math.exp(-dt_s / (r * o.capacitance_f)) if o.capacitance_f else 0.0
         if self._mask:
-            total_f, leak_s = self._load()
             if self._charging:
                 u_v = self._bridge_v * self._polarity
-                done = charge(u_v, self._set_v, dt_s, total_f, leak_s, self._drive, self._stiff)
+                done = charge(u_v, self._set_v, dt_s, self._total_f, self._leak_s, self._drive, self._stiff)
                 self._bridge_v, taken_c, taken_j = done.u_v * self._polarity, done.charge_c, done.energy_j
             else:
-                self._bridge_v *= math.exp(-dt_s * (1.0 / r + leak_s) / total_f)
+                self._bridge_v *= math.exp(-dt_s * (1.0 / r + self._leak_s) / self._total_f)
                 taken_c = self._set_v / self._drive.bleeder_ohm * dt_s
                 taken_j = self._set_v * taken_c
             self.charge_c += taken_c
             self.energy_j += taken_j
-            for o in self._connected():
+            for o in self._connected:
                 o.volts = self._bridge_v
-                o.energy_j += taken_j * o.capacitance_f / total_f
+                o.energy_j += taken_j * o.capacitance_f / self._total_f
         self._now_s = to_s

@@ -76,14 +76,12 @@ def _truth(
     positions = np.stack([sites.positions(frame.position_m, frame.orientation_xyzw) for frame in track])
     grid_ns = np.arange(0, track[-1].time_ns - first_ns + 1, GRID_NS)
     path = CubicSpline(at_s, positions)(grid_ns / NS_PER_S)
-    count = path.shape[0] * path.shape[1]
 
     def distance_to(body: Placed, points: np.ndarray) -> np.ndarray:
         return body.distance(points.reshape(-1, 3)).reshape(points.shape[:-1]) - sites.radius_m
 
-    distance = {
-        name: distance_to(scene.object(name).body, path) for name in objects if name not in grasped and count and not _moves(scene, name)
-    }
+    still = [name for name in objects if name not in grasped and not _moves(scene, name)]
+    distance = {name: distance_to(scene.object(name).body, path) for name in still}
     for name in (name for name in objects if _moves(scene, name)):
         item = scene.object(name)
         distance[name] = np.stack(

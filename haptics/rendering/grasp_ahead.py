@@ -79,5 +79,3 @@ class GraspAhead:
             return gaps_m - rule.tip_radius_m - rule.band_m
 
         return distance
-
-

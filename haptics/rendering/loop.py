@@ -103,9 +103,9 @@ class RenderLoop:
             round(leads.pin_back_s * NS_PER_S),
             STALE_NS,
         )
-        self._ahead = (
-            GraspAhead(self._grasps, self._graspable, round(leads.brake_s * NS_PER_S), STALE_NS) if self._graspable and brake else None
-        )
+        self._ahead: GraspAhead | None = None
+        if self._graspable and brake is not None:
+            self._ahead = GraspAhead(self._grasps, self._graspable, round(leads.brake_s * NS_PER_S), STALE_NS)
         self._previous: HandFrame | None = None
         self._pose_ns: int | None = None
         self._quiet = False
@@ -206,7 +206,7 @@ class RenderLoop:
 
     # Grasp ----------------------------------------------------------------------------------------------------------
 
-    def _grasp(self, time_ns: int, positions, now_ns: int) -> None:  # noqa: ANN001
+    def _grasp(self, time_ns: int, positions, now_ns: int) -> None:
         thumb, index = positions[SITE["thumb_tip"]], positions[SITE["index_tip"]]
         for event in self._grasps.update(time_ns, thumb, index):
             self._grasp_changed(event, now_ns)
@@ -284,7 +284,7 @@ class RenderLoop:
         self._events.append(LoopEvent(now_ns, "watchdog", "", "", f"no pose for {age_ms:.0f} ms; everything off"))
         self._let_go(now_ns)
 
-    def _resume(self, positions, now_ns: int) -> None:  # noqa: ANN001
+    def _resume(self, positions, now_ns: int) -> None:
         touching = any(bool((self._bodies[name].distance(positions) <= self.sites.radius_m).any()) for name in self._touchable)
         if not touching:
             self._quiet = False

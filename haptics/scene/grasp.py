@@ -130,7 +130,7 @@ class GraspTracker:
         return self._held.name if self._held else None
 
     def armed(self, name: str) -> bool:
-        """Whether a grasp of the object may begin: its last one ended, and a tip left the band since, if the rule asks for that."""
+        """Whether a grasp of the object may begin: since the last one a tip left the band, if the rule asks for that."""
         return self._armed.get(name, False)
 
     def body(self, name: str) -> Placed:

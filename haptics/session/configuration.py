@@ -34,12 +34,12 @@ class TactilesConfiguration(_Part):
     """The array of tactors. ``sites[i]`` is where channel ``i`` sits on the hand."""
 
     port: str = "sim://tactiles"
-    baud: int = Field(DEFAULT_BAUD, ge=9600, le=2_000_000)
+    baud: int = Field(default=DEFAULT_BAUD, ge=9600, le=2_000_000)
     sites: tuple[str, ...] = tuple(SITES)
-    rise_limit_k: Annotated[float, Field(ge=1, le=60)] = Field(25.0, description="temperature rise limit, K (assumed)")
-    current_limit_a: Annotated[float, Field(ge=3.9, le=12.0)] = Field(12.0, description="all coils together, A")
-    coil_current_a: Annotated[float, Field(ge=1, le=5)] = Field(3.9, description="one coil at its lowest resistance, A")
-    contact_pulse_s: Annotated[float, Field(ge=0.001, le=0.010)] = Field(0.010, description="contact and release, s (3.4.3)")
+    rise_limit_k: Annotated[float, Field(ge=1, le=60)] = Field(default=25.0, description="temperature rise limit, K (assumed)")
+    current_limit_a: Annotated[float, Field(ge=3.9, le=12.0)] = Field(default=12.0, description="all coils together, A")
+    coil_current_a: Annotated[float, Field(ge=1, le=5)] = Field(default=3.9, description="one coil at its lowest resistance, A")
+    contact_pulse_s: Annotated[float, Field(ge=0.001, le=0.010)] = Field(default=0.010, description="contact and release, s (3.4.3)")
     calibration: dict[str, ActuatorCalibration] = Field(default_factory=dict)
 
     @field_validator("sites")
@@ -55,13 +55,13 @@ class BrakeConfiguration(_Part):
     """Brakes or clutches on one high-voltage supply. ``channels[i]`` names what output ``i`` drives."""
 
     port: str = "sim://brake"
-    baud: int = Field(DEFAULT_BAUD, ge=9600, le=2_000_000)
+    baud: int = Field(default=DEFAULT_BAUD, ge=9600, le=2_000_000)
     channels: tuple[str, ...] = ("index", "thumb")
-    amplitude_v: Annotated[float, Field(ge=0, le=1500)] = Field(1000.0, description="on a grasp, V (4.5.2)")
-    clutch_amplitude_v: Annotated[float, Field(ge=0, le=1500)] = Field(350.0, description="garment clutch, V (6.3.3)")
-    frequency_hz: Annotated[float, Field(ge=1, le=1000)] = Field(20.0, description="bipolar square wave, Hz (4.5.2)")
-    ttl_s: Annotated[float, Field(ge=0.02, le=1.0)] = Field(0.2, description="volts fall by themselves after this, s")
-    overlap_m2: Annotated[float, Field(ge=1e-6, le=0.1)] = Field(11e-4, description="strip overlap, m² (4.7.1)")
+    amplitude_v: Annotated[float, Field(ge=0, le=1500)] = Field(default=1000.0, description="on a grasp, V (4.5.2)")
+    clutch_amplitude_v: Annotated[float, Field(ge=0, le=1500)] = Field(default=350.0, description="garment clutch, V (6.3.3)")
+    frequency_hz: Annotated[float, Field(ge=1, le=1000)] = Field(default=20.0, description="bipolar square wave, Hz (4.5.2)")
+    ttl_s: Annotated[float, Field(ge=0.02, le=1.0)] = Field(default=0.2, description="volts fall by themselves after this, s")
+    overlap_m2: Annotated[float, Field(ge=1e-6, le=0.1)] = Field(default=11e-4, description="strip overlap, m² (4.7.1)")
 
     @field_validator("channels")
     @classmethod
@@ -74,8 +74,8 @@ class BrakeConfiguration(_Part):
 class Configuration(_Part):
     """One glove: its devices, the hand it is on, and the tracker that sees the hand."""
 
-    side: Literal["auto", "left", "right"] = Field("auto", description="hand the glove is on; auto: the one seen most")
-    tracker_latency_s: Annotated[float, Field(ge=0, le=0.1)] = Field(0.010, description="a pose's age when it arrives, s")
+    side: Literal["auto", "left", "right"] = Field(default="auto", description="hand the glove is on; auto: the one seen most")
+    tracker_latency_s: Annotated[float, Field(ge=0, le=0.1)] = Field(default=0.010, description="a pose's age when it arrives, s")
     tick_hz: Annotated[int, Field(ge=250, le=2000)] = 1000
     tactiles: TactilesConfiguration = TactilesConfiguration()
     brake: BrakeConfiguration = BrakeConfiguration()

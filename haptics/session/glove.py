@@ -14,20 +14,21 @@ from typing import Any
 from urllib.parse import parse_qsl, urlencode, urlsplit
 
 from haptics.devices import BrakeDriver, TactilesDriver
-from haptics.errors import HapticsError, InputError, LimitError, LinkError
-from haptics.link.clock import ClockFit
+from haptics.errors import InputError, LimitError
 from haptics.link.connection import Link
 from haptics.link.events import Disarmed, Event, FaultReported, Lost, Rebooted, Telemetry
 from haptics.link.messages import Board, Fault, State
-from haptics.link.ports import open_port
 from haptics.link.polling import PollingRunner
+from haptics.link.ports import open_port
 from haptics.link.runner import VirtualRunner, connect, finish
 from haptics.link.session import LinkSession
 from haptics.link.simulated import SimulatedPort, simulated
+from haptics.physics.brake_force import default_law
 from haptics.physics.thermal import ThermalParameters
 from haptics.scheduling import CoilLimits, ThermalBudget
-from haptics.session.configuration import BrakeConfiguration, Configuration, TactilesConfiguration, load_configuration
+from haptics.session.configuration import BrakeConfiguration, TactilesConfiguration, load_configuration
 from haptics.time import NS_PER_MS, NS_PER_S, MonotonicClock, VirtualClock, seconds_to_ns
+from haptics.units import in_range
 
 TICK_NS = NS_PER_MS
 ARM_TIMEOUT_S = 2.0
@@ -125,7 +126,7 @@ class Glove:
         self, name: str, part: TactilesConfiguration | BrakeConfiguration, seed: int, level: str | None, wire_tap: WireTap | None
     ) -> Link:
         defaults: dict[str, object] = {"clock": "real" if self.realtime else "virtual", "seed": seed}
-        if level is not None:
+        if level is not None and part.port.startswith(f"sim://{name}"):
             defaults["level"] = level
         url = with_defaults(part.port, **defaults)
         if not self.realtime and not url.startswith("sim://"):
@@ -134,10 +135,9 @@ class Glove:
         if not self.realtime and dict(parse_qsl(urlsplit(url).query)).get("clock") != "virtual":
             port.close()
             raise InputError(f"port = {part.port!r} asks for the real clock; allowed without --realtime: clock=virtual")
-        tap = None
-        if wire_tap is not None:
 
-            def tap(time_ns: int, direction: str, data: bytes) -> None:
+        def tap(time_ns: int, direction: str, data: bytes) -> None:
+            if wire_tap is not None:
                 wire_tap(name, time_ns, direction == "out", data)
 
         return Link(port, LinkSession(Board[name.upper()], part.port, tap=tap))
@@ -355,8 +355,6 @@ class OpenGlove:
 
         :raises InputError: no such site, a count outside 1 to 1000, or a rate outside its range.
         """
-        from haptics.units import in_range
-
         in_range("rate_hz", rate_hz, 1.0, 100.0, "Hz")
         in_range("count", count, 1, 1000)
         with self._lock:
@@ -372,10 +370,9 @@ class OpenGlove:
             raise InputError(f"force_n = {force_n}, volts = {volts}; allowed: exactly one of them")
         if self._glove.brakes is None:
             raise InputError("this glove has no brake controller; allowed: open it with brake=…")
-        if volts is None:
-            from haptics.physics.brake_force import default_law
-
+        if force_n is not None:
             volts = default_law("thumb" if name == "thumb" else "index").volts_for(force_n, self._brake.overlap_m2)
+        assert volts is not None
         with self._lock:
             self._glove.brakes.engage(name, volts, self._glove.now_ns(), ttl_s=ttl_s)
         return volts
@@ -436,7 +433,7 @@ def glove_state(glove: Glove) -> GloveState:
     )
 
 
-def open(  # noqa: A001 - the public name is haptics.open
+def open(
     config: str | None = None,
     *,
     tactiles: str | None = None,
@@ -459,5 +456,3 @@ def open(  # noqa: A001 - the public name is haptics.open
     if clock not in ("real", "virtual"):
         raise InputError(f"clock = {clock!r} is not allowed; allowed: real, virtual")
     return OpenGlove(Glove(parts["tactiles"], parts["brake"], realtime=clock == "real", seed=seed), configuration.brake)
-
-

@@ -103,7 +103,14 @@ STREAMS = (
             ("late", "u2"),
             ("bad_frames", "u2"),
         ],
-        {"device_tick": "0.5 us", "output_v": "V", "capacitance_pf": "pF", "leakage_01ua": "0.1 uA", "bus_v": "V", "supply_ua": "uA"},
+        {
+            "device_tick": "0.5 us",
+            "output_v": "V",
+            "capacitance_pf": "pF",
+            "leakage_01ua": "0.1 uA",
+            "bus_v": "V",
+            "supply_ua": "uA",
+        },
         "Telemetry of the brake controller.",
     ),
     _spec(

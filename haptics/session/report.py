@@ -103,7 +103,8 @@ def _onset(session: Session, frames: Sequence[HandFrame], latency_ns: int, start
             begins = [Touched(ns, -1, name, counted=judged_ns[0] <= ns <= judged_ns[1]) for ns, name in truth.grasp_ns]
             brake_ns = [ns for ns in _brake_holds(session, start_ns) if first_ns <= ns <= last_ns + AFTER_NS]
             measured.add(begins, brake_ns, judged_ns)
-            seen = [int(truth.frame_ns[np.searchsorted(truth.frame_ns, ns).clip(max=len(truth.frame_ns) - 1)]) for ns, _ in truth.grasp_ns]
+            shown = np.searchsorted(truth.frame_ns, [ns for ns, _ in truth.grasp_ns]).clip(max=len(truth.frame_ns) - 1)
+            seen = truth.frame_ns[shown].tolist()
             lead_ns = round(session.leads.brake_s * NS_PER_S)
             measured.hold.add(begins, [-(-(ns + latency_ns) // tick_ns) * tick_ns + lead_ns for ns in seen], judged_ns)
     on_hardware = session.glove.tactiles is not None and session.glove.plant("tactiles") is None
@@ -127,8 +128,8 @@ def _pin_arrivals(session: Session, start_ns: int) -> dict[int, list[int]]:
         arrivals = [(channel, ns) for ns, channel, kind in session.truth.pins if kind == "reached_skin"]
     else:
         flight_ns = round((session.leads.pin_s - COMMAND_LEAD_NS / NS_PER_S) * NS_PER_S)
-        played = [r for r in session.results if r.kind == "contact" and r.played and r.start_ns is not None]
-        arrivals = [(names.index(r.site), r.start_ns + flight_ns) for r in played]
+        played = [r for r in session.results if r.kind == "contact" and r.played]
+        arrivals = [(names.index(r.site), r.start_ns + flight_ns) for r in played if r.start_ns is not None]
     for channel, ns in arrivals:
         found.setdefault(SITE[names[channel]], []).append(ns - start_ns)
     return found
@@ -136,8 +137,10 @@ def _pin_arrivals(session: Session, start_ns: int) -> dict[int, list[int]]:
 
 def _brake_holds(session: Session, start_ns: int) -> list[int]:
     """When the brakes held half of their steady capacity: the last of those that closed together."""
-    channels = {session.glove.brakes.channels.index(name) for name in session.scene.needs.brakes} if session.glove.brakes else set()
-    times = sorted(ns - start_ns for ns, channel, kind in session.truth.brakes if kind == "half_capacity" and channel in channels)
+    assert session.glove.brakes is not None
+    channels = {session.glove.brakes.channels.index(name) for name in session.scene.needs.brakes}
+    half = [(ns, channel) for ns, channel, kind in session.truth.brakes if kind == "half_capacity"]
+    times = sorted(ns - start_ns for ns, channel in half if channel in channels)
     return [ns for ns, following in zip(times, [*times[1:], float("inf")], strict=False) if following - ns > TOGETHER_NS]
 
 

@@ -54,8 +54,8 @@ def device_leads(configuration: Configuration, scene: Scene) -> Leads:
 class Truth:
     """What the simulated plants did, gathered while the session runs.
 
-    ``pins`` and ``brakes``: (time_ns, channel, kind) of what happened, such as ``reached_skin`` or ``half_capacity``. Peaks are of
-    the samples.
+    ``pins`` and ``brakes``: (time_ns, channel, kind) of what happened, such as ``reached_skin`` or ``half_capacity``.
+    Peaks are of the samples.
     """
 
     pins: list[tuple[int, int, str]] = field(default_factory=list)

@@ -69,11 +69,11 @@ def test_truncated_json(run, tmp_path):
     _refused(run(hand=path), "cut.json")
 
 
-@pytest.mark.parametrize(("value", "word"), [(float("nan"), "tipPosition"), (1e300, "tipPosition"), ("x", "tipPosition"), (None, "tipPosition")])
-def test_hostile_numbers(run, tmp_path, value, word):
+@pytest.mark.parametrize("value", [float("nan"), 1e300, "x", None])
+def test_hostile_numbers(run, tmp_path, value):
     frames = [_hand_frame(9000 * i) for i in range(5)]
     frames[3]["pointables"][1]["tipPosition"][0] = value
-    _refused(run(hand=_write(tmp_path / "hostile.json", _leap(frames))), "hostile.json", word)
+    _refused(run(hand=_write(tmp_path / "hostile.json", _leap(frames))), "hostile.json", "tipPosition")
 
 
 def test_missing_keys(run, tmp_path):

@@ -10,7 +10,7 @@ import serial
 
 from haptics.errors import InputError, LinkLost, PortBusy, PortMissing
 from haptics.link import list_ports, open_port
-from haptics.link.ports import port_errors
+from haptics.link.ports import PortErrors
 
 
 def test_simulated_boards_are_listed():
@@ -110,7 +110,7 @@ def test_busy_on_windows_is_told_by_its_words(monkeypatch):
     [serial.SerialException("gone"), OSError(errno.EIO, "I/O error"), serial.SerialTimeoutException("stalled"), TypeError()],
 )
 def test_whatever_an_open_port_raises_becomes_link_lost(error):
-    with pytest.raises(LinkLost), port_errors("/dev/ttyACM0", "write"):
+    with pytest.raises(LinkLost), PortErrors("/dev/ttyACM0", "write"):
         raise error
 
 

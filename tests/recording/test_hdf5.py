@@ -9,9 +9,9 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from recorded_session import record_session
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from recorded_session import record_session
 
 from haptics.errors import HapticsError, InputError
 from haptics.recording import Journal, Recording, finalise, hdf5, load, read_journal, recover

@@ -1,0 +1,159 @@
+"""Every command: strict JSON where it reports, exit 2 and a reason where it cannot, exit 1 where something failed."""
+
+from __future__ import annotations
+
+import pytest
+from conftest import strict_json
+
+REPORTING = {
+    ("scenes",): "scenes",
+    ("ports",): "ports",
+    ("fidelity", "plan", "playground"): "rows",
+    ("fidelity", "onset", "--hand", "synthetic", "--objects", "2", "--latency-ms", "10"): "rows",
+    ("config", "schema"): "properties",
+    ("off", "--port", "sim://brake"): "ports",
+    ("predict", "latch"): "switched",
+    ("predict", "thermal", "--rate-per-min", "60"): "mean_rise_k",
+    ("predict", "brake", "--volts", "500"): "force_n",
+}
+
+
+@pytest.mark.parametrize(("arguments", "key"), REPORTING.items(), ids=[" ".join(words[:2]) for words in REPORTING])
+def test_a_command_that_reports_answers_one_strict_json_object(answer, arguments, key):
+    assert key in answer(*arguments)
+
+
+@pytest.mark.parametrize("arguments", [words for words in REPORTING if words[0] != "off"], ids=lambda words: " ".join(words[:2]))
+def test_a_person_gets_words_and_the_same_exit_code(command, arguments):
+    code, out, err = command(*arguments)
+    assert (code, err) == (0, "")
+    assert out.strip()
+
+
+def test_the_shipped_scenes_are_listed_with_what_they_are(answer):
+    scenes = {scene["name"]: scene["summary"] for scene in answer("scenes")["scenes"]}
+    assert {"desk", "playground", "workplace", "posture", "resistance", "tennis"} == set(scenes)
+    assert all(scenes.values())
+
+
+def test_the_simulated_boards_are_always_there(answer):
+    ports = {port["url"]: port for port in answer("ports")["ports"]}
+    assert ports["sim://tactiles"]["simulated"]
+    assert ports["sim://brake"]["simulated"]
+
+
+def test_the_plan_leaves_out_what_a_scene_does_not_use_and_says_why(answer):
+    desk = answer("fidelity", "plan", "desk")
+    built = {row["device"] for row in desk["rows"]}
+    assert "tactiles" in built
+    assert "brake" not in built
+    assert {row["device"] for row in desk["absent"]} >= {"brake"}
+    assert all(row["why"] for row in [*desk["rows"], *desk["absent"]])
+
+
+def test_a_configuration_is_checked_and_its_defaults_filled_in(answer, tmp_path):
+    path = tmp_path / "glove.toml"
+    path.write_text('side = "left"\n[tactiles]\nrise_limit_k = 15.0\n')
+    told = answer("config", "check", path)
+    assert told["valid"] is True
+    assert told["configuration"]["side"] == "left"
+    assert told["configuration"]["tactiles"]["rise_limit_k"] == 15.0
+    assert told["configuration"]["brake"]["amplitude_v"] == 1000.0
+
+
+def test_every_key_a_configuration_may_have_is_in_the_schema(answer, tmp_path):
+    path = tmp_path / "glove.toml"
+    path.write_text("")
+    configuration = answer("config", "check", path)["configuration"]
+    schema = answer("config", "schema")
+    assert set(schema["properties"]) == set(configuration)
+    assert set(schema["$defs"]["BrakeConfiguration"]["properties"]) == set(configuration["brake"])
+    assert schema["additionalProperties"] is False
+
+
+def test_off_on_a_port_that_is_not_there_says_so_and_exits_2(command):
+    code, out, _ = command("off", "--port", "/dev/ttyNOSUCH7", "--json")
+    (port,) = strict_json(out)["ports"]
+    assert code == 2
+    assert port["safe"] is False
+    assert "/dev/ttyNOSUCH7" in port["result"]
+    code, out, _ = command("off", "--port", "/dev/ttyNOSUCH7")
+    assert code == 2
+    assert "no such port" in " ".join(out.split())
+
+
+@pytest.mark.parametrize("port", ["", "sim://glove", "ftp://host", "sim://brake?colour=red"])
+def test_off_refuses_what_is_no_port(refused, port):
+    assert "port" in refused("off", "--port", port) or "colour" in port
+
+
+def test_off_of_a_simulated_board_is_safe(answer):
+    (port,) = answer("off", "--port", "sim://tactiles")["ports"]
+    assert port == {"port": "sim://tactiles", "board": "tactiles", "safe": True, "result": "off"}
+
+
+GROUPS = ("predict", "link", "config", "recording", "fidelity")
+COMMANDS = (
+    ("run", "desk"),
+    ("scenes",),
+    ("replay", "x.h5"),
+    ("ports",),
+    ("off",),
+    ("predict", "thermal"),
+    ("predict", "latch"),
+    ("predict", "brake"),
+    ("fidelity", "plan", "desk"),
+    ("fidelity", "onset"),
+    ("config", "check", "x.toml"),
+    ("config", "schema"),
+    ("recording", "info", "x.h5"),
+    ("recording", "recover", "x.journal"),
+    ("link", "simulate", "brake"),
+)
+
+
+@pytest.mark.parametrize("words", COMMANDS, ids=" ".join)
+def test_an_unknown_option_is_refused_by_every_command(refused, words):
+    assert "--colour" in refused(*words, "--colour", "blue")
+
+
+@pytest.mark.parametrize("words", COMMANDS, ids=" ".join)
+def test_every_command_says_what_it_does(command, words):
+    code, out, _ = command(*words, "--help")
+    assert code == 0
+    assert "Usage" in out
+
+
+@pytest.mark.parametrize("words", [("nonsense",), ("run",), *((group, "nonsense") for group in GROUPS)], ids=" ".join)
+def test_an_unknown_command_or_a_missing_argument_is_refused(refused, words):
+    refused(*words)
+
+
+@pytest.mark.parametrize(
+    ("words", "named"),
+    [
+        (("fidelity", "plan", "nowhere"), "nowhere"),
+        (("config", "check", "missing.toml"), "missing.toml"),
+        (("recording", "info", "missing.h5"), "missing.h5"),
+        (("recording", "recover", "missing.journal"), "missing.journal"),
+        (("replay", "missing.h5"), "missing.h5"),
+        (("link", "simulate", "glove"), "glove"),
+        (("fidelity", "onset", "--objects", "-1"), "objects"),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, tuple) else value,
+)
+def test_what_is_not_there_is_named(refused, words, named):
+    assert named in refused(*words)
+
+
+@pytest.mark.parametrize("content", [b"", b"mine, not yours\n", b"\x89HDF\r\n\x1a\n cut"])
+def test_a_file_of_another_kind_is_named_and_left_alone(refused, tmp_path, content):
+    path = tmp_path / "other.h5"
+    path.write_bytes(content)
+    for words in (("recording", "info"), ("recording", "recover"), ("replay",)):
+        if words == ("recording", "recover"):
+            assert "other.h5" in refused(*words, path, "--out", tmp_path / "out.h5")
+        else:
+            assert "other.h5" in refused(*words, path)
+    assert path.read_bytes() == content
+    assert not (tmp_path / "out.h5").exists()
