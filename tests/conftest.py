@@ -7,16 +7,18 @@ from pathlib import Path
 
 import pytest
 
-RECORDINGS = Path(__file__).resolve().parents[1].parent / "shared" / "recordings"
+CHECKOUT = Path(__file__).resolve().parents[1]
+PLACES = (CHECKOUT.parent / "shared" / "recordings", CHECKOUT / "shared" / "recordings")
 
 
 @pytest.fixture(scope="session")
 def recordings() -> Path:
     """Folder of recorded hands; `HAPTICS_RECORDINGS` names another."""
-    folder = Path(os.environ.get("HAPTICS_RECORDINGS", RECORDINGS))
-    if not (folder / "grab.leap.json.gz").is_file():
-        pytest.skip(f"no recorded hands in {folder}; set HAPTICS_RECORDINGS to a folder that has them")
-    return folder
+    named = os.environ.get("HAPTICS_RECORDINGS")
+    for folder in (Path(named),) if named else PLACES:
+        if (folder / "grab.leap.json.gz").is_file():
+            return folder
+    pytest.skip("no recorded hands beside the checkout; set HAPTICS_RECORDINGS to a folder that has them")
 
 
 @pytest.hookimpl(trylast=True)

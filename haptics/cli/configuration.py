@@ -33,7 +33,7 @@ def check(
 
 
 @app.command("schema")
-def schema() -> None:
+def schema(json: Annotated[bool, typer.Option("--json", help="print one JSON object: it always is one")] = True) -> None:
     """Print the JSON schema of the configuration."""
     from haptics.session.configuration import Configuration
 

@@ -7,6 +7,7 @@ point group ``haptics.commands``: ``"group.name"`` adds ``name`` to the group, `
 from __future__ import annotations
 
 import sys
+from functools import cache
 from importlib.metadata import entry_points
 
 import typer
@@ -38,6 +39,7 @@ app.command("ports")(link.ports)
 app.command("off")(link.off)
 
 
+@cache  # once a process, however often main is called
 def _add_installed_commands() -> None:
     for point in sorted(entry_points(group="haptics.commands"), key=lambda p: p.name):
         group, _, name = point.name.rpartition(".")

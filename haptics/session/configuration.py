@@ -42,6 +42,14 @@ class TactilesConfiguration(_Part):
     contact_pulse_s: Annotated[float, Field(ge=0.001, le=0.010)] = Field(default=0.010, description="contact and release, s (3.4.3)")
     calibration: dict[str, ActuatorCalibration] = Field(default_factory=dict)
 
+    @field_validator("calibration")
+    @classmethod
+    def _of_known_sites(cls, calibration: dict[str, ActuatorCalibration]) -> dict[str, ActuatorCalibration]:
+        unknown = [site for site in calibration if site not in SITES]
+        if unknown:
+            raise ValueError(f"no such site: {', '.join(unknown)}; allowed: {', '.join(SITES)}")
+        return calibration
+
     @field_validator("sites")
     @classmethod
     def _known_sites(cls, sites: tuple[str, ...]) -> tuple[str, ...]:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 import platform
+import subprocess
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -123,8 +124,26 @@ STREAMS = (
 
 
 def provenance() -> dict[str, Any]:
-    """What made a recording, as far as a machine can say: version and interpreter. No time, no user, no host name."""
-    return {"program": "haptics", "version": haptics.__version__, "python": platform.python_version(), "numpy": np.__version__}
+    """What made a recording: program, commit if it runs from a checkout, interpreter, machine. No time, no user, no host name."""
+    return {
+        "program": "haptics",
+        "version": haptics.__version__,
+        "git_commit": _git_commit(),
+        "python": platform.python_version(),
+        "numpy": np.__version__,
+        "machine": f"{platform.system()} {platform.machine()}",
+    }
+
+
+def _git_commit() -> str | None:
+    folder = Path(haptics.__file__).resolve().parents[1]
+    if not (folder / ".git").exists():
+        return None
+    try:
+        found = subprocess.run(["git", "-C", str(folder), "rev-parse", "HEAD"], capture_output=True, text=True, timeout=5)
+    except (OSError, subprocess.SubprocessError):
+        return None
+    return found.stdout.strip() or None
 
 
 class Recorder:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import hashlib
 import sys
 import time
 from collections.abc import Iterator
@@ -12,7 +13,7 @@ from typing import Any
 
 from haptics.errors import InputError
 from haptics.fidelity import Plan, plan_scene
-from haptics.recording import finalise, load, write_picture, write_rrd
+from haptics.recording import finalise, load, recover, write_picture, write_rrd
 from haptics.scene import load_scene
 from haptics.scene.hand import HandFrame, HandRecording, check_frame
 from haptics.scene.recordings import load_hand
@@ -79,6 +80,7 @@ def run_scene(scene_name: str, hand_source: str, configuration: Configuration, o
         "seed": options.seed,
         "realtime": options.realtime,
         "configuration": configuration.model_dump(mode="json"),
+        "configuration_sha256": hashlib.sha256(configuration.model_dump_json().encode()).hexdigest(),
         "ports": {"tactiles": options.port_tactiles, "brake": options.port_brake},
         "plan": asdict(plan),
         "title": f"{scene.name} with {recording.source}",
@@ -98,8 +100,9 @@ def run_scene(scene_name: str, hand_source: str, configuration: Configuration, o
     except BaseException:
         glove.off()
         glove.close()
-        if recorder is not None:
+        if recorder is not None:  # interrupted or failed: keep what there is, marked incomplete
             recorder.journal.close()
+            recover(recorder.path, out, force=options.force)
         raise
     glove.close()
     report = build_report(

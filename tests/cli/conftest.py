@@ -12,13 +12,14 @@ import pytest
 from haptics.cli import main as cli
 
 
-def strict_json(text: str) -> Any:
-    """``text`` as JSON by the standard: NaN and Infinity, which Python's reader lets pass, are refused."""
+@pytest.fixture
+def strict_json() -> Callable[[str], Any]:
+    """Read JSON by the standard: NaN and Infinity, which Python's reader lets pass, are refused."""
 
     def refuse(constant: str) -> Any:
         raise ValueError(f"{constant} is no JSON")
 
-    return json.loads(text, parse_constant=refuse)
+    return lambda text: json.loads(text, parse_constant=refuse)
 
 
 @pytest.fixture
@@ -40,7 +41,7 @@ def command(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str])
 
 
 @pytest.fixture
-def answer(command: Callable[..., tuple[int, str, str]]) -> Callable[..., dict[str, Any]]:
+def answer(command: Callable[..., tuple[int, str, str]], strict_json: Callable[[str], Any]) -> Callable[..., dict[str, Any]]:
     """What ``haptics ARGS... --json`` answers; the command must succeed."""
 
     def ask(*args: object) -> dict[str, Any]:

@@ -16,7 +16,16 @@ EPS0_F_PER_M = 8.8541878128e-12
 
 
 def test_the_answer_has_the_promised_keys(answer):
-    keys = {"force_n", "force_sd_n", "law", "capacitance_f", "compression_ideal_n", "friction_ideal_n", "field_v_per_um", "t90_ms"}
+    keys = {
+        "force_n",
+        "force_sd_n",
+        "law",
+        "capacitance_f",
+        "compression_ideal_n",
+        "friction_ideal_n",
+        "field_v_per_um",
+        "t90_ms",
+    }
     keys |= {"power_eq44_w", "supply_power_w", "amplitude_v", "valid", "reasons"}
     assert keys <= set(answer("predict", "brake", "--volts", 1000))
 

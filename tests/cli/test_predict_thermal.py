@@ -43,7 +43,9 @@ def test_bursts_of_the_published_pattern_hold_ten_pulses_of_five_milliseconds(an
     assert told["peak_rise_k"] - told["trough_rise_k"] == pytest.approx(18.0 * 0.050 * C_K_PER_W / TAU_S)
 
 
-@pytest.mark.parametrize(("rate_per_min", "limit_k", "minutes"), [(120, 20.0, 5.0), (120, 25.0, 30.0), (300, 20.0, 10.0), (49, 20.0, 10.0)])
+@pytest.mark.parametrize(
+    ("rate_per_min", "limit_k", "minutes"), [(120, 20.0, 5.0), (120, 25.0, 30.0), (300, 20.0, 10.0), (49, 20.0, 10.0)]
+)
 def test_denials_are_those_of_the_recurrence(answer, rate_per_min, limit_k, minutes):
     told = answer("predict", "thermal", "--rate-per-min", rate_per_min, "--limit-k", limit_k, "--minutes", minutes)
     first, admitted = pulse_by_pulse(rate_per_min, limit_k, minutes)

@@ -225,6 +225,25 @@ def test_sites_not_seen_and_poses_too_old_decide_nothing():
     assert [decided.site for decided in decider.due(FRAME_NS)] == [0]
 
 
+def test_a_plan_dies_with_its_pose():
+    touch_ns, exact = 500 * NS_PER_MS, PredictionParameters(damping_per_s=0.0, noise_m=0.0)
+    for age_ms, met in ((49, True), (51, False)):
+        times = [touch_ns - age_ms * NS_PER_MS - i * FRAME_NS for i in range(12, -1, -1)]
+        decider = TouchDecider([wall], [RADIUS_M], lead_ns=0, prediction=exact)
+        log = play(decider, times, moving_along_x(lambda s: RADIUS_M + 0.5 - s), touch_ns + 30 * NS_PER_MS)
+        assert bool(log) is met
+
+
+def test_a_pose_that_comes_too_old_decides_nothing():
+    for age_ms, met in ((49, True), (51, False)):
+        decider = TouchDecider([wall], [RADIUS_M], lead_ns=0)
+        decider.observe(0, [[-0.1, 0.0, 0.0]], 0)
+        assert [decided.begins for decided in decider.due(0)] == [True]
+        later_ns = FRAME_NS + age_ms * NS_PER_MS
+        decider.observe(FRAME_NS, [[0.1, 0.0, 0.0]], later_ns)
+        assert bool(decider.due(later_ns)) is met
+
+
 def test_forgetting_takes_back_every_touch_and_plan():
     decider = TouchDecider([wall], [RADIUS_M], LEAD_NS)
     decider.observe(0, [[-0.1, 0.0, 0.0]], 0)

@@ -1,0 +1,136 @@
+"""The loop on an open simulated glove: what poses become, and what bad or missing ones do not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from haptics.fidelity import plan_scene
+from haptics.scene import load_scene
+from haptics.scene.recordings import load_hand
+from haptics.session.configuration import Configuration
+from haptics.session.run import RunOptions, open_glove
+from haptics.session.session import Session
+from haptics.time import NS_PER_MS
+
+LATENCY_NS = 10 * NS_PER_MS
+
+
+class Stage:
+    """A session in virtual time, fed by hand."""
+
+    def __init__(self, name: str):
+        self.recording = load_hand("synthetic")
+        scene = load_scene(name).placed_for(self.recording)
+        self.glove = open_glove(scene, plan_scene(scene), Configuration(), RunOptions())
+        self.session = Session(scene, self.glove, Configuration())
+        self.glove.arm()
+        self.start_ns = (self.glove.now_ns() // NS_PER_MS + 2) * NS_PER_MS
+        self.session.begin(self.start_ns)
+        self.frames = [replace(f, time_ns=f.time_ns + self.start_ns) for f in self.recording.frames("right")]
+        self.fed = 0
+
+    def run(self, to_ms: float, poses: bool = True) -> None:
+        """Tick to ``to_ms`` after the start; with ``poses``, those whose latency has passed arrive."""
+        end_ns = self.start_ns + round(to_ms * NS_PER_MS)
+        while self.glove.now_ns() < end_ns:
+            now_ns = max(self.start_ns, self.glove.now_ns() // NS_PER_MS * NS_PER_MS + NS_PER_MS)
+            while poses and self.fed < len(self.frames) and self.frames[self.fed].time_ns + LATENCY_NS <= now_ns:
+                self.session.submit(self.frames[self.fed], now_ns)
+                self.fed += 1
+            self.session.tick(now_ns)
+
+    def kinds(self) -> list[str]:
+        return [event.kind for event in self.session.events]
+
+
+@pytest.fixture
+def playground():
+    stage = Stage("playground")
+    yield stage
+    stage.glove.off()
+    stage.glove.close()
+
+
+def test_brakes_close_ahead_of_the_grasp_and_open_after_it(playground):
+    playground.run(2400)
+    kinds = playground.kinds()
+    assert kinds.index("grasp_ahead") < kinds.index("grasp_begin") < kinds.index("grasp_end")
+    assert playground.glove.brakes is not None
+    assert playground.glove.brakes.engaged() == {}
+
+
+def test_without_poses_everything_goes_off_after_a_tenth_of_a_second(playground):
+    playground.run(1500)
+    assert playground.glove.brakes.engaged()
+    assert any(playground.glove.tactiles.pins_out())
+    last_pose_ms = (playground.frames[playground.fed - 1].time_ns - playground.start_ns) / NS_PER_MS
+    playground.run(last_pose_ms + 99, poses=False)
+    assert playground.glove.brakes.engaged()
+    playground.run(last_pose_ms + 102, poses=False)
+    assert playground.glove.brakes.engaged() == {}
+    assert not any(playground.glove.tactiles.pins_out())
+    playground.run(last_pose_ms + 300, poses=False)
+    truth = playground.glove.plant("brake").truth()
+    assert max(abs(v) for v in truth["volts"]) < 60
+    assert set(playground.glove.plant("tactiles").truth()["latched"]) == {"off"}
+
+
+def test_after_the_watchdog_nothing_comes_back_while_the_hand_still_touches(playground):
+    playground.run(1500)
+    playground.run(1700, poses=False)
+    assert "watchdog" in playground.kinds()
+    playground.fed = next(i for i, f in enumerate(playground.frames) if f.time_ns > playground.start_ns + 1690 * NS_PER_MS)
+    playground.run(1900)  # the hand still holds the ball
+    assert not any(playground.glove.tactiles.pins_out())
+    assert playground.glove.brakes.engaged() == {}
+    assert "resumed" not in playground.kinds()
+    playground.run(2600)  # it has opened since
+    assert "resumed" in playground.kinds()
+
+
+@pytest.mark.parametrize(
+    ("spoil", "word"),
+    [
+        (lambda f: replace(f, position_m=np.full((26, 3), np.nan)), "finite"),
+        (lambda f: replace(f, position_m=f.position_m + 0.5), "m/s"),
+        (lambda f: replace(f, time_ns=f.time_ns - 10**9), "time"),
+        (lambda f: replace(f, position_m=f.position_m * 1e300), "finite|lies at"),
+        (lambda f: replace(f, valid=False), "vouch"),
+    ],
+)
+def test_a_pose_that_cannot_be_is_refused_and_moves_nothing(playground, spoil, word):
+    playground.run(600)
+    before = playground.glove.tactiles.pins_out()
+    reason = playground.session.submit(spoil(playground.frames[playground.fed]), playground.glove.now_ns())
+    assert reason is not None
+    assert any(part in reason for part in word.split("|"))
+    playground.run(605, poses=False)
+    assert playground.glove.tactiles.pins_out() == before
+
+
+def test_a_hand_that_is_gone_lets_go_of_everything_quietly(playground):
+    playground.run(1500)
+    playground.session.hand_gone(playground.glove.now_ns())
+    playground.run(1700, poses=False)
+    assert not any(playground.glove.tactiles.pins_out())
+    assert playground.glove.brakes.engaged() == {}
+    assert "watchdog" not in playground.kinds()
+
+
+def test_a_pin_that_the_board_refused_as_late_is_asked_for_again(playground):
+    """A host that stalls past the command lead: the command comes late, the touch must not be lost for it."""
+    array, link = playground.glove.tactiles, playground.glove.links["tactiles"]
+    to_ticks, calls = link.to_ticks, []
+
+    def late_once(host_ns: int) -> int:
+        calls.append(host_ns)
+        return to_ticks(host_ns - (50 * NS_PER_MS if len(calls) == 1 else 0))
+
+    link.to_ticks = late_once
+    array.contact("index_tip", playground.glove.now_ns())
+    playground.run(100)
+    assert [(r.played, r.reason) for r in playground.session.results] == [(False, "late"), (True, None)]
+    assert playground.glove.plant("tactiles").truth()["latched"][1] == "on"
