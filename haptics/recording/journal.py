@@ -230,15 +230,19 @@ class Journal:
         self._put(Kind.FOOTER, payload)
         self._release()
 
-    def __enter__(self) -> Journal:
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def abandon(self) -> None:
+        """Commit and close without the footer: only :func:`haptics.recording.recover` takes what is there."""
         if self._file is not None:
             try:
                 self.commit()
             finally:
                 self._release()
+
+    def __enter__(self) -> Journal:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self.abandon()
 
     def _put(self, kind: Kind, payload: bytes, stream: int = 0) -> None:
         if len(payload) > MAX_PAYLOAD_BYTES:

@@ -101,7 +101,7 @@ def run_scene(scene_name: str, hand_source: str, configuration: Configuration, o
         glove.off()
         glove.close()
         if recorder is not None:  # interrupted or failed: keep what there is, marked incomplete
-            recorder.journal.close()
+            recorder.journal.abandon()
             recover(recorder.path, out, force=options.force)
         raise
     glove.close()
