@@ -151,7 +151,7 @@ class Serial(SerialBase):
             now_ns = self._now()
             deadline_ns = NEVER_NS if self.timeout is None else now_ns + seconds_to_ns(self.timeout)
             while line.waiting(now_ns) < size and now_ns < deadline_ns:
-                until_ns = min(line.complete_ns(size), world.next_event(), deadline_ns)
+                until_ns = min(line.complete_ns(size), world.next_ns, deadline_ns)
                 if until_ns == NEVER_NS and world.virtual:
                     raise SerialException(f"{self.port}: nothing will ever arrive, and virtual time has no end; set a timeout")
                 world.wait(until_ns)
@@ -232,7 +232,7 @@ class Serial(SerialBase):
 
     def next_event(self) -> int | None:
         """When something happens next by itself, or None."""
-        next_ns = self._live().next_event()
+        next_ns = self._live().next_ns
         return None if next_ns == NEVER_NS else next_ns
 
     def truth(self) -> dict[str, Any]:

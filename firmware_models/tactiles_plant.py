@@ -69,6 +69,7 @@ class Actuators:
         self._plants = [latch_plant(options["level"], parameters) for parameters in self.latches]
         _warm_up(options["level"])
         self._start_ns = start_ns
+        self._awake: set[int] = set()  # driven or touched at least once; the others are cold and still, and time passes them by
         self._settled_ns = [start_ns] * COIL_CHANNELS
         self._counted_j = [0.0] * COIL_CHANNELS
         self._last_stop = ["reached_off"] * COIL_CHANNELS
@@ -96,7 +97,7 @@ class Actuators:
         volts = self.volts
         for channel, sign in enumerate(self._signs):
             if channel in changes or (sign and self.supply_ohm > 0.0):
-                self._settle(channel, now_ns)
+                self._wake(channel, now_ns)
                 self._plants[channel].rise_k = self.rise_k[channel]
                 self._plants[channel].drive((now_ns - self._start_ns) / 1e9, sign * volts)
 
@@ -109,13 +110,13 @@ class Actuators:
         unknown = set(load) - {"stiffness_n_m", "at_m"}
         if unknown:
             raise InputError(f"load {', '.join(sorted(unknown))} is unknown to an actuator; allowed: stiffness_n_m, at_m")
-        self._settle(channel, now_ns)
+        self._wake(channel, now_ns)
         at_m = load.get("at_m", self.latches[channel].skin_at_m)
         self._plants[channel].load_skin((now_ns - self._start_ns) / 1e9, load.get("stiffness_n_m", 0.0), at_m)
 
     def truth(self, now_ns: int) -> dict[str, Any]:
         """All channels as they are now; ``events`` are those since the last call."""
-        for channel in range(COIL_CHANNELS):
+        for channel in self._awake:
             self._settle(channel, now_ns)
         events, self.events = sorted(self.events), deque(maxlen=_EVENTS_KEPT)
         return {
@@ -130,19 +131,24 @@ class Actuators:
             "events": events,
         }
 
+    def _wake(self, channel: int, now_ns: int) -> None:
+        """Carry one actuator to now, from where on it counts."""
+        if channel not in self._awake:
+            self._awake.add(channel)
+            self._settled_ns[channel] = now_ns
+        self._settle(channel, now_ns)
+
     def _settle(self, channel: int, now_ns: int) -> None:
         """Carry one actuator to now, and let what it took warm it."""
         elapsed_ns = now_ns - self._settled_ns[channel]
         if elapsed_ns == 0:
             return
         plant = self._plants[channel]
-        if plant.at_rest and self.rise_k[channel] == 0.0 and plant.energy_j == self._counted_j[channel]:
-            self._settled_ns[channel] = now_ns  # cold and still: there is nothing to carry
-            return
         plant.advance((now_ns - self._start_ns) / 1e9)
         self._settled_ns[channel] = now_ns
-        taken_j = max(plant.energy_j - self._counted_j[channel], 0.0)
-        self._counted_j[channel] = max(plant.energy_j, self._counted_j[channel])
+        energy_j, counted_j = plant.energy_j, self._counted_j[channel]
+        taken_j = max(energy_j - counted_j, 0.0)
+        self._counted_j[channel] = max(energy_j, counted_j)
         elapsed_s = elapsed_ns / 1e9
         self.rise_k[channel] = relax(self.rise_k[channel], taken_j / elapsed_s, elapsed_s, self.thermals[channel])
         for event in plant.take_events():

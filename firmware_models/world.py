@@ -41,28 +41,22 @@ class World:
         self.lock = threading.RLock()
         self.changed = threading.Condition(self.lock)
         self.now_ns = 0 if self.virtual else time.monotonic_ns()
-        self._next_ns = NEVER_NS
+        self.next_ns = NEVER_NS
+        """When the next thing happens here by itself, or ``NEVER_NS``."""
 
     def replan(self) -> None:
         """Look again for the next event; to be called when a member was handed something from outside."""
-        self._next_ns = min((member.next_event() for member in self.members.values()), default=NEVER_NS)
-
-    def next_event(self) -> int:
-        """When the next thing happens in this world, or ``NEVER_NS``."""
-        return self._next_ns
+        self.next_ns = min([member.next_event() for member in self.members.values()], default=NEVER_NS)
 
     def advance(self, to_ns: int) -> None:
         """Carry every member to ``to_ns``.
 
         :raises InputError: ``to_ns`` lies in the past.
         """
-        if to_ns < self._next_ns:
-            if to_ns < self.now_ns:
-                raise InputError(f"to_ns = {to_ns} lies before this world's {self.now_ns}; time only moves forward")
-            self.now_ns = to_ns
-            return
-        while self._next_ns <= to_ns:
-            at_ns = self._next_ns
+        if to_ns < self.now_ns:
+            raise InputError(f"to_ns = {to_ns} lies before this world's {self.now_ns}; time only moves forward")
+        while self.next_ns <= to_ns:
+            at_ns = self.next_ns
             for member in self.members.values():
                 member.advance(at_ns)
             self.now_ns = at_ns

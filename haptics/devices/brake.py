@@ -26,6 +26,7 @@ class _Hold:
 
     amplitude_v: float
     until_ns: int | None
+    frequency_dhz: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,27 +59,35 @@ class BrakeDriver:
         self.link = link
         self.channels = tuple(channels)
         self._index = {name: i for i, name in enumerate(self.channels)}
-        self._frequency_dhz = round(in_range("frequency_hz", frequency_hz, 0.1, 1000.0, "Hz") * 10)
+        self._frequency_dhz = _decihertz(frequency_hz)
         self._ttl_ns = seconds_to_ns(in_range("ttl_s", ttl_s, 0.01, 60.0, "s"))
         self._max_amplitude_v = max_amplitude_v
         self._holds: dict[int, _Hold] = {}
         self._refresh_ns = 0
         self._next_end_ns: int | None = None
-        self._changed_at_ns: int | None = None
+        self._changed = False
         self._replies: list[tuple[str, Pending, int]] = []
         self._refusals: list[Refusal] = []
 
-    def engage(self, name: str, amplitude_v: float, now_ns: int, at_ns: int | None = None, ttl_s: float | None = None) -> None:
-        """Volts on one output until :meth:`release`, or for ``ttl_s``.
+    def engage(
+        self,
+        name: str,
+        amplitude_v: float,
+        now_ns: int,
+        ttl_s: float | None = None,
+        frequency_hz: float | None = None,
+    ) -> None:
+        """Volts on one output, as soon as possible, until :meth:`release`, or for ``ttl_s``.
 
-        :param at_ns: wanted start; as soon as possible if None or too near.
-        :raises InputError: unknown output, or volts outside 0 to the limit.
+        :param frequency_hz: of the square wave; the driver's own if None. Outputs that are on together share the highest.
+        :raises InputError: unknown output, volts outside 0 to the limit, or a frequency outside 0.1 to 1000 Hz.
         """
         index = self._index_of(name)
         amplitude_v = in_range("amplitude_v", amplitude_v, 0.0, self._max_amplitude_v, "V")
         until_ns = None if ttl_s is None else now_ns + seconds_to_ns(in_range("ttl_s", ttl_s, 0.001, 60.0, "s"))
-        self._holds[index] = _Hold(amplitude_v, until_ns)
-        self._changed_at_ns = at_ns if at_ns is not None else now_ns
+        frequency_dhz = self._frequency_dhz if frequency_hz is None else _decihertz(frequency_hz)
+        self._holds[index] = _Hold(amplitude_v, until_ns, frequency_dhz)
+        self._changed = True
         self._plan_end()
 
     def release(self, name: str, now_ns: int) -> None:
@@ -87,14 +96,14 @@ class BrakeDriver:
         :raises InputError: unknown output.
         """
         if self._holds.pop(self._index_of(name), None) is not None:
-            self._changed_at_ns = now_ns
+            self._changed = True
             self._plan_end()
 
     def release_all(self, now_ns: int) -> None:
         """Zero volts everywhere."""
         if self._holds:
             self._holds.clear()
-            self._changed_at_ns = now_ns
+            self._changed = True
             self._plan_end()
 
     def piezo(self, names: Sequence[str], duration_s: float, now_ns: int, at_ns: int | None = None) -> None:
@@ -112,12 +121,10 @@ class BrakeDriver:
         """Send changes and refreshes that are due, and note refusals."""
         if self._next_end_ns is not None and now_ns >= self._next_end_ns:
             self._holds = {i: h for i, h in self._holds.items() if h.until_ns is None or h.until_ns > now_ns}
-            self._changed_at_ns = now_ns
+            self._changed = True
             self._plan_end()
-        if self._changed_at_ns is not None:
-            self._drive(now_ns, self._changed_at_ns)
-        elif self._holds and now_ns >= self._refresh_ns:
-            self._drive(now_ns, now_ns)
+        if self._changed or (self._holds and now_ns >= self._refresh_ns):
+            self._drive(now_ns)
         if self._replies:
             self._read_replies()
 
@@ -133,7 +140,7 @@ class BrakeDriver:
     @property
     def idle(self) -> bool:
         """No command waits to be sent or answered."""
-        return self._changed_at_ns is None and not self._replies
+        return not self._changed and not self._replies
 
     def _index_of(self, name: str) -> int:
         if name not in self._index:
@@ -144,14 +151,15 @@ class BrakeDriver:
         ends = [hold.until_ns for hold in self._holds.values() if hold.until_ns is not None]
         self._next_end_ns = min(ends) if ends else None
 
-    def _drive(self, now_ns: int, at_ns: int) -> None:
+    def _drive(self, now_ns: int) -> None:
         mask = sum(1 << i for i, hold in self._holds.items() if hold.amplitude_v > 0)
         amplitude_v = round(max((hold.amplitude_v for hold in self._holds.values()), default=0.0))
-        self._changed_at_ns = None
+        frequency_dhz = max((hold.frequency_dhz for hold in self._holds.values()), default=self._frequency_dhz)
+        self._changed = False
         self._refresh_ns = now_ns + self._ttl_ns // 3
-        start_ns = max(now_ns + COMMAND_LEAD_NS, at_ns)
+        start_ns = now_ns + COMMAND_LEAD_NS
         ttl_ms = self._ttl_ns // NS_PER_MS
-        self._send("drive", now_ns, start_ns, mask, amplitude_v, self._frequency_dhz, ttl_ms)
+        self._send("drive", now_ns, start_ns, mask, amplitude_v, frequency_dhz, ttl_ms)
 
     def _send(self, name: str, now_ns: int, start_ns: int, *values: int) -> None:
         try:
@@ -171,3 +179,7 @@ class BrakeDriver:
             elif pending.status != Status.OK:
                 self._refusals.append(Refusal(name, Status(pending.status).name.lower(), sent_ns))
         self._replies = waiting
+
+
+def _decihertz(frequency_hz: float) -> int:
+    return round(in_range("frequency_hz", frequency_hz, 0.1, 1000.0, "Hz") * 10)

@@ -53,28 +53,22 @@ class VirtualRunner:
 
         :raises InputError: ``t_ns`` lies in the past.
         """
-        event_ns, due = self._next_event()
-        while due and event_ns <= t_ns:
+        due_ns = self._due_ns()
+        while (event_ns := min(due_ns, default=NEVER_NS)) <= t_ns:
             self.clock.advance_to(event_ns)
-            for link in due:
-                link.advance(event_ns)
-                link.service(event_ns)
-            event_ns, due = self._next_event()
+            for link, link_ns in zip(self.links, due_ns, strict=True):
+                if link_ns == event_ns:
+                    link.advance(event_ns)
+                    link.service(event_ns)
+            due_ns = self._due_ns()
         self.clock.advance_to(t_ns)
         for link in self.links:
             link.advance(t_ns)
 
-    def _next_event(self) -> tuple[int, list[Link]]:
-        """The next time at which a byte arrives, a board acts, or a session wants to be asked; and at which links."""
-        earliest_ns, due = NEVER_NS, list[Link]()
+    def _due_ns(self) -> list[int]:
+        """For each link, the next time at which a byte arrives, its board acts, or its session wants to be asked."""
         soonest_ns = self.clock.now_ns() + 1
-        for link in self.links:
-            time_ns = max(link.next_event_ns, soonest_ns)
-            if time_ns < earliest_ns:
-                earliest_ns, due = time_ns, [link]
-            elif time_ns == earliest_ns < NEVER_NS:
-                due.append(link)
-        return earliest_ns, due
+        return [max(link.next_event_ns, soonest_ns) for link in self.links]
 
     def wait_for(self, condition: Callable[[], bool], timeout_s: float) -> bool:
         """Run from event to event until ``condition`` holds or virtual time is up; returns whether it holds."""
@@ -82,7 +76,7 @@ class VirtualRunner:
         while not condition():
             if self.now_ns() >= end_ns:
                 return False
-            self.run_until(min(self._next_event()[0], end_ns))
+            self.run_until(min([*self._due_ns(), end_ns]))
         return True
 
 

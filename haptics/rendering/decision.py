@@ -45,8 +45,8 @@ class DecisionParameters:
     """``z``: standard deviations that count as sure."""
     early_s: float = 0.015
     """How early a touch may be felt (the window's near end)."""
-    shallow_m: float = 0.3e-3
-    """How deep *sure* means. A pose inside decides only if the site is, or within ``early_s`` gets, this deep."""
+    sure_m: float = 0.3e-3
+    """How deep *sure* means: ahead of the touch, a graze is no reason to act."""
     horizon_s: float = 0.055
     """No guess reaches farther past its frame."""
     release_m: float = 0.3e-3
@@ -81,9 +81,8 @@ def touch_ahead(
     window = round(p.early_s / STEP_S)
     late_m = distance_m + p.doubt_early * deviation_m
     crossed = late_m <= 0.0
-    sure = _within(distance_m + p.doubt_sure * deviation_m <= -p.shallow_m, window)
-    deep = _within(distance_m <= -p.shallow_m, window) | (now_m <= -p.shallow_m)[:, None]
-    decided = (crossed & sure) | ((now_m <= 0.0)[:, None] & deep)
+    sure = _within(distance_m + p.doubt_sure * deviation_m <= -p.sure_m, window)
+    decided = (crossed & sure) | (now_m <= 0.0)[:, None]
     first = decided.argmax(axis=1)
     rows = np.arange(len(first))
     before = np.maximum(first - 1, 0)

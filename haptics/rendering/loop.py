@@ -7,7 +7,6 @@ else. The loop never blocks, and refuses poses that cannot be a hand's.
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from dataclasses import dataclass
 
 from haptics.devices import BrakeDriver, TactilesDriver
@@ -64,7 +63,7 @@ class RenderLoop:
     :param sites: where the hand's sites are.
     :param tactiles: driver of the array, or None where the scene has no use for one.
     :param brake: driver of brakes or clutches, or None.
-    :param brake_amplitude_v: cap on a grasp's volts.
+    :param brake_amplitude_v: cap on a grasp's volts. :param clutch_amplitude_v: cap on a clutch's.
     """
 
     def __init__(
@@ -75,6 +74,7 @@ class RenderLoop:
         brake: BrakeDriver | None,
         leads: Leads,
         brake_amplitude_v: float = 1500.0,
+        clutch_amplitude_v: float = 1500.0,
     ):
         self.scene, self.sites = scene, sites
         self.tactiles, self.brake = tactiles, brake
@@ -87,7 +87,7 @@ class RenderLoop:
         self._grasps = scene.grasp_tracker()
         self._rules = scene.clutch_rules() if scene.rules else None
         self.signals = scene.body_signals()
-        self._clutch_v = {clutch.name: clutch.amplitude_v for clutch in scene.clutches}
+        self._clutch_v = {clutch.name: min(clutch.amplitude_v, clutch_amplitude_v) for clutch in scene.clutches}
         self._engaged: frozenset[str] = frozenset()
         self._rules_ns = 0
         self._bodies: dict[str, Placed] = {item.name: item.body for item in scene.objects}
@@ -110,7 +110,6 @@ class RenderLoop:
         self._pose_ns: int | None = None
         self._quiet = False
         self._events: list[LoopEvent] = []
-        self.refused = 0
 
     def begin(self, start_ns: int) -> None:
         """The scene's own clock (motions, signals) reads zero at ``start_ns``."""
@@ -122,13 +121,12 @@ class RenderLoop:
         """Take a pose that arrived at ``now_ns``; returns why it was refused, or None."""
         reason = check_frame(frame, self._previous)
         if reason is not None:
-            self.refused += 1
             self._events.append(LoopEvent(now_ns, "pose_refused", frame.side, "", reason))
             return reason
         if self._previous is not None and frame.track_id != self._previous.track_id:
             self.hand_gone(now_ns)
         self._previous, self._pose_ns = frame, frame.time_ns
-        self._move_objects(now_ns)
+        self._move_objects(frame.time_ns)
         positions = self.sites.positions(frame.position_m, frame.orientation_xyzw)
         if self._quiet:
             self._resume(positions, now_ns)
@@ -177,11 +175,6 @@ class RenderLoop:
         """Events since the last call."""
         events, self._events = self._events, []
         return events
-
-    @property
-    def pins_wanted(self) -> Collection[int]:
-        """Sites whose pin the scene wants out."""
-        return self._contacts.pins_out
 
     def body(self, name: str) -> Placed:
         """An object where it is now.
@@ -242,12 +235,12 @@ class RenderLoop:
 
     def _close(self, effect: GraspEffect, now_ns: int) -> None:
         assert self.brake is not None
-        fingers = self._fingers
         if effect.brakes:
-            for finger in fingers:
-                self.brake.engage(finger, min(effect.amplitude_v, self._amplitude_v), now_ns)
+            volts = min(effect.amplitude_v, self._amplitude_v)
+            for finger in self._fingers:
+                self.brake.engage(finger, volts, now_ns, frequency_hz=effect.frequency_hz)
         if effect.piezo and effect.piezo_s > 0:
-            self.brake.piezo(fingers, effect.piezo_s, now_ns)
+            self.brake.piezo(self._fingers, effect.piezo_s, now_ns)
 
     def _open(self, now_ns: int) -> None:
         if self.brake is not None:
@@ -266,13 +259,13 @@ class RenderLoop:
             on = name in wanted
             self._events.append(LoopEvent(now_ns, "clutch_on" if on else "clutch_off", name))
             if self.brake is not None and on:
-                self.brake.engage(name, min(self._clutch_v[name], self._amplitude_v), now_ns)
+                self.brake.engage(name, self._clutch_v[name], now_ns)
             elif self.brake is not None:
                 self.brake.release(name, now_ns)
         self._engaged = wanted
 
-    def _move_objects(self, now_ns: int) -> None:
-        time_s = (now_ns - self._start_ns) / NS_PER_S
+    def _move_objects(self, time_ns: int) -> None:
+        time_s = (time_ns - self._start_ns) / NS_PER_S
         for item in self._moving:
             self._bodies[item.name] = item.body_at(time_s)
 

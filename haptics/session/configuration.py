@@ -39,7 +39,7 @@ class TactilesConfiguration(_Part):
     rise_limit_k: Annotated[float, Field(ge=1, le=60)] = Field(default=25.0, description="temperature rise limit, K (assumed)")
     current_limit_a: Annotated[float, Field(ge=3.9, le=12.0)] = Field(default=12.0, description="all coils together, A")
     coil_current_a: Annotated[float, Field(ge=1, le=5)] = Field(default=3.9, description="one coil at its lowest resistance, A")
-    contact_pulse_s: Annotated[float, Field(ge=0.001, le=0.010)] = Field(default=0.010, description="contact and release, s (3.4.3)")
+    contact_pulse_s: Annotated[float, Field(ge=0.001, le=0.010)] = Field(default=0.010, description="coil time, s (3.4.3)")
     calibration: dict[str, ActuatorCalibration] = Field(default_factory=dict)
 
     @field_validator("calibration")

@@ -93,6 +93,7 @@ class Session:
             glove.brakes,
             self.leads,
             brake_amplitude_v=configuration.brake.amplitude_v,
+            clutch_amplitude_v=configuration.brake.clutch_amplitude_v,
         )
         self._array_plant = glove.plant("tactiles")
         self._brake_plant = glove.plant("brake")
