@@ -29,7 +29,10 @@ _LONGEST_WAIT_S = 0.1
 
 
 class Trace:
-    """JSON lines, one whenever what is energised, the state or the faults change; ``time_ns`` is monotonic time."""
+    """JSON lines, one whenever what is energised, the state or the faults change.
+
+    ``time_ns`` is monotonic time; ``host_byte_ns`` is when the host's last byte so far was in, or null before the first.
+    """
 
     def __init__(self, file: TextIO):
         self._file = file
@@ -40,7 +43,9 @@ class Trace:
         board = cable.board
         seen = {"state": board.state.name, "faults": board.faults, "energised": board.energised()}
         if seen != self._last:
-            self._file.write(json.dumps({"time_ns": board.now_ns, **seen}) + "\n")
+            heard_ns = cable.to_board.busy_until_ns
+            times = {"time_ns": board.now_ns, "host_byte_ns": heard_ns if heard_ns > 0 else None}
+            self._file.write(json.dumps({**times, **seen}) + "\n")
             self._file.flush()
             self._last = seen
 

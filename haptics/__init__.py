@@ -8,10 +8,10 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
-__version__ = "0.1.0"
+from haptics.version import __version__
 
 _FACE = {
-    "open": "haptics.session.glove",
+    "open": "haptics.session.open_glove",
     "Glove": "haptics.session.glove",
     "Session": "haptics.session.session",
     "load_configuration": "haptics.session.configuration",
@@ -38,7 +38,8 @@ if TYPE_CHECKING:
     from haptics.scene.hand import HandFrame as HandFrame
     from haptics.scene.recordings import load_hand as load_hand
     from haptics.session.configuration import load_configuration as load_configuration
-    from haptics.session.glove import Glove as Glove, open as open
+    from haptics.session.glove import Glove as Glove
+    from haptics.session.open_glove import open as open
     from haptics.session.session import Session as Session
 
 

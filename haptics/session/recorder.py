@@ -14,11 +14,11 @@ from typing import Any
 
 import numpy as np
 
-import haptics
 from haptics.link.messages import BRAKE_CHANNELS, COIL_CHANNELS
 from haptics.recording import Journal, StreamSpec
 from haptics.scene.hand import HandFrame
 from haptics.time import NS_PER_MS
+from haptics.version import __version__
 
 COMMIT_NS = 50 * NS_PER_MS
 WIRE_BYTES = 96
@@ -127,7 +127,7 @@ def provenance() -> dict[str, Any]:
     """What made a recording: program, commit if it runs from a checkout, interpreter, machine. No time, no user, no host name."""
     return {
         "program": "haptics",
-        "version": haptics.__version__,
+        "version": __version__,
         "git_commit": _git_commit(),
         "python": platform.python_version(),
         "numpy": np.__version__,
@@ -136,7 +136,7 @@ def provenance() -> dict[str, Any]:
 
 
 def _git_commit() -> str | None:
-    folder = Path(haptics.__file__).resolve().parents[1]
+    folder = Path(__file__).resolve().parents[2]
     if not (folder / ".git").exists():
         return None
     try:

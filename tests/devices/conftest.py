@@ -6,8 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from haptics.session.glove import OpenGlove
-from haptics.session.glove import open as open_glove
+from haptics.session.open_glove import OpenGlove, open as open_glove
 
 
 @pytest.fixture
