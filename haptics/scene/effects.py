@@ -165,6 +165,8 @@ class PatternBank:
                         self._lasting.setdefault(name, []).append(player)
                 elif isinstance(effect, ProximityEffect):
                     self._near.setdefault(name, []).append((effect, effect.player()))
+        self._players = [(name, player) for name, players in self._touched.items() for player in players]
+        self._players += [(name, player) for name, pairs in self._near.items() for _, player in pairs]
 
     @property
     def watched(self) -> tuple[str, ...]:
@@ -174,7 +176,7 @@ class PatternBank:
     @property
     def playing(self) -> tuple[str, ...]:
         """Objects with a pattern under way."""
-        return tuple(name for name, player in self._players() if player.playing)
+        return tuple(name for name, player in self._players if player.playing)
 
     def touch(self, name: str, now_ns: int) -> None:
         """The hand began to touch the object; one stimulus under way is left to finish."""
@@ -200,16 +202,13 @@ class PatternBank:
 
     def due(self, now_ns: int, until_ns: int) -> list[tuple[int, int, str]]:
         """Pulses with ``now_ns <= time < until_ns`` not handed out before: (time_ns, site index, object), in order of time."""
-        return sorted((time_ns, site, name) for name, player in self._players() for time_ns, site in player.due(now_ns, until_ns))
+        playing = [(name, player) for name, player in self._players if player.playing]
+        return sorted((time_ns, site, name) for name, player in playing for time_ns, site in player.due(now_ns, until_ns))
 
     def stop(self) -> None:
         """Silence everything."""
-        for _, player in self._players():
+        for _, player in self._players:
             player.stop()
-
-    def _players(self) -> list[tuple[str, PatternPlayer]]:
-        touched = [(name, player) for name, players in self._touched.items() for player in players]
-        return touched + [(name, player) for name, pairs in self._near.items() for _, player in pairs]
 
 
 def _check_sites(sites: Sequence[str] | None) -> None:

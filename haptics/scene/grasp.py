@@ -13,6 +13,7 @@ never filtered, as that would make it late.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
@@ -67,7 +68,7 @@ def gap_m(body: Placed, thumb_tip_m: Array, index_tip_m: Array, tip_radius_m: fl
 
     A grasp can begin where this is ``band_m`` or less and the object lies between the tips (:func:`between`).
     """
-    return float(body.distance(np.stack([thumb_tip_m, index_tip_m])).max()) - tip_radius_m
+    return max(body.distance(np.array([thumb_tip_m, index_tip_m])).tolist()) - tip_radius_m
 
 
 def between(body: Placed, thumb_tip_m: Array, index_tip_m: Array) -> bool:
@@ -157,12 +158,11 @@ class GraspTracker:
         :raises InputError: time went back, or a tip is not three finite numbers.
         """
         thumb, index = np.asarray(thumb_tip_m, float), np.asarray(index_tip_m, float)
-        if thumb.shape != (3,) or index.shape != (3,) or not (np.isfinite(thumb).all() and np.isfinite(index).all()):
+        if thumb.shape != (3,) or index.shape != (3,) or not np.isfinite(tips := np.array([thumb, index])).all():
             raise InputError(f"thumb_tip_m = {thumb}, index_tip_m = {index}; allowed: three finite numbers each, metres")
         if self._last_ns is not None and time_ns < self._last_ns:
             raise InputError(f"time_ns = {time_ns} lies before the last one, {self._last_ns}; time only moves forward")
         self._last_ns = time_ns
-        tips = np.stack([thumb, index])
         if self._held is None:
             return self._look_for_grasp(time_ns, tips)
         return self._follow(self._held, time_ns, tips)
@@ -175,8 +175,9 @@ class GraspTracker:
 
     def _look_for_grasp(self, time_ns: int, tips: Array) -> list[GraspEvent]:
         found: tuple[float, str] | None = None
+        thumb, index = tips.tolist()
         for name, body in self._bodies.items():
-            gap = float(body.bounding_distance(tips).max()) - self.rule.tip_radius_m
+            gap = max(body.bounding_distance(thumb), body.bounding_distance(index)) - self.rule.tip_radius_m
             if gap <= self.rule.band_m + (self.rule.rearm_m or 0.0):  # else the lower bound says all there is to know
                 gap = gap_m(body, tips[0], tips[1], self.rule.tip_radius_m)
             if not self._armed[name]:
@@ -188,19 +189,17 @@ class GraspTracker:
             return []
         name = found[1]
         ray = tips[1] - tips[0]
-        length_m = float(np.linalg.norm(ray))
+        length_m = math.dist(*tips)
         depth_m = self._depth_m(self._bodies[name], tips)
-        self._held = _Held(
-            name, time_ns, length_m, self._bodies[name].pose, ray, tips.mean(axis=0), time_ns, 0.0, depth_m=depth_m
-        )
+        self._held = _Held(name, time_ns, length_m, self._bodies[name].pose, ray, _middle(tips), time_ns, 0.0, depth_m=depth_m)
         return [GraspEvent("begin", time_ns, name, length_m, length_m, 0.0, depth_m)]
 
     def _follow(self, held: _Held, time_ns: int, tips: Array) -> list[GraspEvent]:
         ray = tips[1] - tips[0]
-        length_m = float(np.linalg.norm(ray))
+        length_m = math.dist(*tips)
         if length_m > 0.0 and held.start_ray_m > 0.0:
             turn = shortest_turn_xyzw(held.ray, ray)
-            self._bodies[held.name] = self._bodies[held.name].at(held.pose.turned_about(held.middle, turn, tips.mean(axis=0)))
+            self._bodies[held.name] = self._bodies[held.name].at(held.pose.turned_about(held.middle, turn, _middle(tips)))
         share = max(0.0, held.start_ray_m - length_m) / held.start_ray_m if held.start_ray_m > 0.0 else 0.0
         held.share_ns += 0.5 * (held.share + share) * (time_ns - held.seen_ns)
         held.share, held.seen_ns = share, time_ns
@@ -222,4 +221,8 @@ class GraspTracker:
         return GraspEvent("end", time_ns, held.name, ray_m, held.start_ray_m, mean_share, held.depth_m)
 
     def _depth_m(self, body: Placed, tips: Array) -> float:
-        return max(0.0, self.rule.tip_radius_m - float(body.distance(tips).min()))
+        return max(0.0, self.rule.tip_radius_m - min(body.distance(tips).tolist()))
+
+
+def _middle(tips: Array) -> Array:
+    return 0.5 * (tips[0] + tips[1])

@@ -38,15 +38,7 @@ class Pose:
             )
         object.__setattr__(self, "position_m", position)
         object.__setattr__(self, "orientation_xyzw", tuple(q / length for q in quaternion))
-        x, y, z, w = self.orientation_xyzw
-        rotation = np.array(
-            [
-                [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-                [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-                [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-            ]
-        )
-        object.__setattr__(self, "_rotation", rotation)
+        object.__setattr__(self, "_rotation", _rotation(self.orientation_xyzw))
         object.__setattr__(self, "_origin", np.array(position))
 
     @property
@@ -73,10 +65,20 @@ class Pose:
         return Pose((x, y, z), self.orientation_xyzw)
 
     def turned_about(self, pivot_m: Array, turn_xyzw: Sequence[float], to_m: Array) -> Pose:
-        """This pose turned by ``turn_xyzw`` (world axes) about ``pivot_m``, the pivot then carried to ``to_m``."""
-        turn = Pose((0.0, 0.0, 0.0), _four(turn_xyzw))
-        x, y, z = (turn.rotation @ (self.origin_m - pivot_m) + to_m).tolist()
-        return Pose((x, y, z), multiply_xyzw(turn.orientation_xyzw, self.orientation_xyzw))
+        """This pose turned by the unit quaternion ``turn_xyzw`` (world axes) about ``pivot_m``, the pivot then carried to ``to_m``."""
+        x, y, z = (_rotation(turn_xyzw) @ (self.origin_m - pivot_m) + to_m).tolist()
+        return Pose((x, y, z), multiply_xyzw(turn_xyzw, self.orientation_xyzw))
+
+
+def _rotation(xyzw: Sequence[float]) -> Array:
+    x, y, z, w = xyzw
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
 
 
 def multiply_xyzw(a: Sequence[float], b: Sequence[float]) -> tuple[float, float, float, float]:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import ClassVar, Literal, Protocol
 
 import numpy as np
@@ -181,7 +181,7 @@ class Plane:
 class Placed:
     """A shape at a pose; the same questions as ``Shape``, asked in world coordinates.
 
-    ``bounding_distance`` is a lower bound of ``distance`` that costs one norm, for telling early that a point is far.
+    ``bounding_distance`` is a lower bound of one point's ``distance`` in plain numbers, for telling early that it is far.
     """
 
     shape: Shape
@@ -197,11 +197,11 @@ class Placed:
     def gradient(self, points_m: Array) -> Array:
         return self.shape.gradient(self.pose.to_local(as_points(points_m))) @ self.pose.rotation.T
 
-    def bounding_distance(self, points_m: Array) -> Array:
-        return _norm(as_points(points_m) - self.pose.origin_m) - self.bounding_radius_m
+    def bounding_distance(self, point_m: Sequence[float]) -> float:
+        return math.dist(point_m, self.pose.position_m) - self.bounding_radius_m
 
     def at(self, pose: Pose) -> Placed:
-        return replace(self, pose=pose)
+        return Placed(self.shape, pose)
 
 
 def distances(bodies: Sequence[Placed], points_m: Array, within_m: float = math.inf) -> Array:

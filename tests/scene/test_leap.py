@@ -101,7 +101,7 @@ def test_a_flat_hand_has_level_joints(load, side):
 def test_gzip_is_told_by_content_and_json_in_chunks_is_the_same(tmp_path, monkeypatch):
     content = json.dumps({"build": 1234567, **a_recording(range(0, 90_000, 9_000))}).encode()
     (tmp_path / "plain.json").write_bytes(b"\xef\xbb\xbf" + content)  # with the mark some editors put in front
-    (tmp_path / "misnamed.json").write_bytes(gzip.compress(content))
+    (tmp_path / "misnamed.json").write_bytes(gzip.compress(content, mtime=0))
     plain, packed = load_hand(tmp_path / "plain.json"), load_hand(tmp_path / "misnamed.json")
     for chunk in (1, 7, 1000):
         monkeypatch.setattr(json_stream, "_CHUNK_BYTES", chunk)
@@ -250,7 +250,7 @@ def test_one_hand_twice_in_a_frame_is_refused(load):
 
 
 GOOD = json.dumps(a_recording(range(0, 900_000, 9_000))).encode()
-PACKED = gzip.compress(GOOD)
+PACKED = gzip.compress(GOOD, mtime=0)
 
 
 @pytest.mark.parametrize(
@@ -291,8 +291,8 @@ def test_a_broken_file_is_refused_with_its_place(load, content, message):
     [
         b"[" * 100_000_000,
         b'{"metadata": ' + b"[" * 100_000_000,
-        gzip.compress(b'{"frames": [' + b'{"a":' * 20_000_000, 1),
-        gzip.compress(b'{"metadata": "' + b"a" * 100_000_000, 1),
+        gzip.compress(b'{"frames": [' + b'{"a":' * 20_000_000, 1, mtime=0),
+        gzip.compress(b'{"metadata": "' + b"a" * 100_000_000, 1, mtime=0),
         b'{"frames": [' + b"[],[],[]," * 1_000_000,
         b'{"metadata": [' + b"[]," * 1_000_000,
         b"{" + b",".join(b'"k%d": 1' % number for number in range(100_000)) + b"}",

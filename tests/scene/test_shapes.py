@@ -100,7 +100,7 @@ def test_a_placed_shape_is_the_shape_seen_from_its_own_frame(pose, p):
     world = pose.to_world(np.array([p]))
     placed = Placed(shape, pose)
     assert placed.distance(world)[0] == pytest.approx(shape.distance(np.array([p]))[0], abs=1e-12)
-    assert placed.bounding_distance(world)[0] <= placed.distance(world)[0] + 1e-12
+    assert placed.bounding_distance(world[0]) <= placed.distance(world)[0] + 1e-12
     ahead = world + 1e-3 * placed.gradient(world)
     assert placed.distance(ahead)[0] == pytest.approx(placed.distance(world)[0] + 1e-3, abs=2e-3)
 
