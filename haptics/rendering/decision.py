@@ -33,6 +33,7 @@ STEP_S = 2.5e-3
 """Grid along the path; between its points distances are taken as straight, off by under 0.01 mm at 10 m/s²."""
 FASTEST_M_S = 5.0
 """Site and object approach each other no faster; an object farther than that allows need not be looked at again yet."""
+_NOTHING = np.empty(0, dtype=np.intp)
 
 
 @dataclass(frozen=True, slots=True)
@@ -214,17 +215,20 @@ class TouchDecider:
         time_ns, reach_m = forecast.time_ns, forecast.reach_m(self._p.horizon_s)
         may_have_come_m = (FASTEST_M_S / NS_PER_S) * (time_ns - self._seen_ns)
         look = (self._seen_m - may_have_come_m <= np.fmax.reduce(reach_m, initial=0.0)) | self._touching.any(axis=1)
-        indices = look.nonzero()[0]
-        path = forecast.path(ahead_s)
-        places = path.reshape(-1, path.shape[2])
-        along_m = np.empty((len(indices), *path.shape[:2]))
-        for row, index in enumerate(indices.tolist()):
-            along_m[row] = self._distances[index](places).reshape(path.shape[:2])
-        along_m -= self._radius_m[:, None]
-        now_m = along_m[:, :, 0]
-        self._seen_m[indices], self._seen_ns[indices] = np.fmin.reduce(now_m, axis=1, initial=np.inf), time_ns
-        near, columns = ((now_m <= reach_m) | self._touching[indices]).nonzero()
-        return indices[near], columns, along_m[near, columns]
+        rows, columns, along_m = [], [], []
+        for index in look.nonzero()[0].tolist():
+            now_m = self._distances[index](forecast.position_m) - self._radius_m
+            self._seen_m[index], self._seen_ns[index] = np.fmin.reduce(now_m, initial=np.inf), time_ns
+            sites = ((now_m <= reach_m) | self._touching[index]).nonzero()[0]
+            if len(sites):
+                path = forecast.path(ahead_s, sites)
+                distance_m = self._distances[index](path.reshape(-1, path.shape[2])).reshape(path.shape[:2])
+                rows.append(np.full(len(sites), index))
+                columns.append(sites)
+                along_m.append(distance_m - self._radius_m[sites, None])
+        if not rows:
+            return _NOTHING, _NOTHING, np.empty((0, len(ahead_s)))
+        return np.concatenate(rows), np.concatenate(columns), np.concatenate(along_m)
 
     def _end(self, rows: NDArray[np.intp], columns: NDArray[np.intp], off_m: Floats, now_ns: int) -> None:
         rested = now_ns - self._turned_ns[rows, columns] >= self._p.dwell_ns

@@ -72,13 +72,13 @@ class Forecast:
     damping_per_s: float
     noise_m: float
 
-    def path(self, ahead_s: Floats) -> Floats:
-        """Positions ``ahead_s`` (k,) seconds after the frame, (n, k, d), metres."""
+    def path(self, ahead_s: Floats, points: NDArray[np.intp] | slice = slice(None)) -> Floats:
+        """Positions of these points (default all) ``ahead_s`` (k,) seconds after the frame, (points, k, d), metres."""
         along_s = ahead_s * (1.0 - self.damping_per_s * ahead_s)
         return (
-            self.position_m[:, None]
-            + self.velocity_m_s[:, None] * along_s[:, None]
-            + self.acceleration_m_s2[:, None] * self._bend_s2(ahead_s)[:, None]
+            self.position_m[points, None]
+            + self.velocity_m_s[points, None] * along_s[:, None]
+            + self.acceleration_m_s2[points, None] * self._bend_s2(ahead_s)[:, None]
         )
 
     def deviation(self, ahead_s: Floats) -> Floats:

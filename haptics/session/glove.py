@@ -11,10 +11,11 @@ from typing import Any
 from urllib.parse import parse_qsl, urlencode, urlsplit
 
 from haptics.devices import BrakeDriver, TactilesDriver
-from haptics.errors import InputError, LimitError
+from haptics.errors import CommandRefused, InputError, LimitError
+from haptics.link.commands import Pending
 from haptics.link.connection import Link
 from haptics.link.events import Disarmed, Event, FaultReported, Lost, Rebooted, Telemetry
-from haptics.link.messages import Board, Fault, State
+from haptics.link.messages import Board, Fault, State, Status
 from haptics.link.polling import PollingRunner
 from haptics.link.ports import open_port
 from haptics.link.runner import VirtualRunner, connect, finish
@@ -23,6 +24,7 @@ from haptics.link.simulated import SimulatedPort, simulated
 from haptics.physics.thermal import ThermalParameters
 from haptics.scheduling import CoilLimits, ThermalBudget
 from haptics.session.configuration import BrakeConfiguration, TactilesConfiguration
+from haptics.session.faults import fault_names
 from haptics.time import NS_PER_MS, NS_PER_S, MonotonicClock, VirtualClock, seconds_to_ns
 
 TICK_NS = NS_PER_MS
@@ -196,8 +198,7 @@ class Glove:
 
     def _read_faults(self, name: str, message: Any) -> None:
         if message.faults and self._wanted_armed:
-            names = [fault.name.lower() for fault in Fault if message.faults >> fault & 1]
-            self._fault(f"{name}: {', '.join(names)}")
+            self._fault(f"{name}: {fault_names(message.faults)}")
 
     def _fault(self, text: str) -> None:
         if text not in self.faults:
@@ -233,7 +234,7 @@ class Glove:
         try:
             pendings = [link.arm(self.now_ns()) for link in self.links.values()]
             for link, pending in zip(self.links.values(), pendings, strict=True):
-                finish(self._runner, pending, ARM_TIMEOUT_S, link.name)
+                self._finish_arming(link, pending)
             self.follow(self.now_ns())
             for name in self.links:
                 if not self._wait(lambda name=name: self._state_of(name) in (State.ARMED, State.DRIVING), ARM_TIMEOUT_S):
@@ -246,6 +247,16 @@ class Glove:
         self._wanted_armed = True
         if self.tactiles is not None:
             self.tactiles.set_armed(True)
+
+    def _finish_arming(self, link: Link, pending: Pending) -> None:
+        try:
+            finish(self._runner, pending, ARM_TIMEOUT_S, link.name)
+        except CommandRefused as error:
+            latched = fault_names(pending.detail or 0)
+            if pending.status != Status.INTERLOCK or not latched:
+                raise
+            advice = f"find out why, then clear it: haptics off --port {link.name}"
+            raise CommandRefused(link.name, f"a fault is latched: {latched}", "arm", error.status, advice) from error
 
     def _state_of(self, name: str) -> int | None:
         message = self.telemetry.get(name)

@@ -1,4 +1,8 @@
-"""Make boards safe: whatever is found is told to stop, and asked whether it did."""
+"""Make boards safe: whatever is found is told to stop, and asked whether it did.
+
+Faults that latched are cleared if their cause is gone: this is how a person who has looked at a board hands it back. Arming
+stays a separate step.
+"""
 
 from __future__ import annotations
 
@@ -9,11 +13,12 @@ from haptics.link.connection import Link
 from haptics.link.ports import list_ports, open_port
 from haptics.link.runner import RealtimeRunner, connect, finish
 from haptics.link.session import LinkSession
+from haptics.session.faults import fault_names
 
 
 @dataclass(frozen=True, slots=True)
 class Off:
-    """One port's outcome. ``safe``: a board said it is off, or there is no board there."""
+    """One port's outcome. ``safe``: a board said it is off and no fault's cause is left, or there is no board there."""
 
     port: str
     board: str | None
@@ -40,9 +45,11 @@ def _stop(url: str, named: bool, timeout_s: float) -> Off:
         try:
             connect(runner, timeout_s=timeout_s)
             finish(runner, link.stop(runner.now_ns()), port=url)
+            left = fault_names(finish(runner, link.send("disarm", now_ns=runner.now_ns()), port=url).detail or 0)
         except NotABoard as error:
             return Off(url, None, not named, str(error))
         except LinkError as error:
             return Off(url, None if link.board is None else link.board.name.lower(), False, str(error))
         board = link.board
-        return Off(url, None if board is None else board.name.lower(), True, "off")
+        result = f"off; the cause of a latched fault is still there: {left}" if left else "off"
+        return Off(url, None if board is None else board.name.lower(), not left, result)
