@@ -50,13 +50,18 @@ def onset(
         print_json({"rows": rows})
         return
     columns = ("n", "signed_median", "median", "p95")
+    counts = ("missed", "false", "shallow")
     flat = [
-        (r["latency_ms"], how, *(s[name] for name in columns), _percent(s["in_window"]), s["false"], s["missed"])
+        (r["latency_ms"], how, *(s[name] for name in columns), _percent(s["in_window"]), *(_per_100(s, name) for name in counts))
         for r in plain(rows)
         for how, s in (("predicted", r["fast"]), ("hold", r["fast"]["hold"]))
     ]
-    head = ("latency ms", "rule", "touches", "signed ms", "median ms", "95 % ms", "in window", "false", "missed")
-    print_table("onset error, touches at 100 mm/s or more", head, flat)
+    head = ("latency", "rule", "touches", "signed", "median", "95 %", "window", "missed", "false", "shallow")
+    print_table("onset error, ms, of touches at 100 mm/s or more; missed, false and shallow per 100", head, flat)
+
+
+def _per_100(statistics: dict, name: str) -> str:
+    return f"{100 * statistics[name] / statistics['n']:.2f}" if statistics["n"] else "-"
 
 
 def _percent(share: float | None) -> str:
