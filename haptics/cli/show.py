@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
+import os
 from collections.abc import Iterable, Mapping
 from typing import Any
 
@@ -17,6 +18,8 @@ def plain(value: Any) -> Any:
         return {str(k): plain(v) for k, v in value.items()}
     if isinstance(value, (list, tuple, set)):
         return [plain(v) for v in value]
+    if isinstance(value, os.PathLike):
+        return os.fspath(value)
     tolist = getattr(value, "tolist", None)  # arrays and numpy's numbers
     if callable(tolist):
         return plain(tolist())

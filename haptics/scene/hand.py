@@ -7,6 +7,7 @@ back of the hand, so +X to the right of someone looking along the bone; the same
 
 from __future__ import annotations
 
+import math
 import heapq
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -216,24 +217,25 @@ def check_frame(frame: HandFrame, previous: HandFrame | None) -> str | None:
         return "the tracker does not vouch for the pose"
     if position.shape != (26, 3) or orientation.shape != (26, 4):
         return f"shapes {position.shape} and {orientation.shape}; allowed: (26, 3) and (26, 4)"
-    if not (np.isfinite(position).all() and np.isfinite(orientation).all()):
-        return "a number is not finite"
+    # Worst first, by argmax, which takes a NaN for the greatest; comparisons that a NaN fails.
     joint, axis = divmod(int(np.abs(position).argmax()), 3)
-    if abs(position[joint, axis]) > FARTHEST_M:
-        return f"{JOINTS[joint]} lies at {position[joint, axis]:g} m along {'xyz'[axis]}; allowed: within {FARTHEST_M:g} m"
+    if not abs(position[joint, axis]) <= FARTHEST_M:
+        where = f"{JOINTS[joint]} lies at {position[joint, axis]:g} m along {'xyz'[axis]}; allowed: within {FARTHEST_M:g} m"
+        return where if np.isfinite(position).all() else "a number is not finite"
     norm = np.sqrt(np.einsum("ij,ij->i", orientation, orientation))
     joint = int(np.abs(norm - 1.0).argmax())
-    if abs(norm[joint] - 1.0) > NORM_TOLERANCE:
-        return f"the quaternion of {JOINTS[joint]} has norm {norm[joint]:g}; allowed: 1 within {NORM_TOLERANCE:g}"
+    if not abs(norm[joint] - 1.0) <= NORM_TOLERANCE:
+        length = f"the quaternion of {JOINTS[joint]} has norm {norm[joint]:g}; allowed: 1 within {NORM_TOLERANCE:g}"
+        return length if np.isfinite(orientation).all() else "a number is not finite"
     if previous is None:
         return None
     if frame.time_ns <= previous.time_ns:
         return f"its time {frame.time_ns} ns does not follow {previous.time_ns} ns"
     if frame.track_id == previous.track_id and frame.side == previous.side:
         step = position - previous.position_m
-        moved_m = np.sqrt(np.einsum("ij,ij->i", step, step))
-        joint = int(moved_m.argmax())
-        speed_m_s = moved_m[joint] * NS_PER_S / (frame.time_ns - previous.time_ns)
+        moved_m2 = np.einsum("ij,ij->i", step, step)
+        joint = int(moved_m2.argmax())
+        speed_m_s = math.sqrt(moved_m2[joint]) * NS_PER_S / (frame.time_ns - previous.time_ns)
         if speed_m_s > FASTEST_M_S:
             return f"{JOINTS[joint]} jumped at {speed_m_s:.3g} m/s; allowed: up to {FASTEST_M_S:g} m/s"
     return None

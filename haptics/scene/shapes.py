@@ -83,7 +83,7 @@ class Box:
 
     def distance(self, points_m: Array) -> Array:
         beyond = np.abs(points_m) - 0.5 * np.asarray(self.size_m)
-        return _norm(np.maximum(beyond, 0.0)) + np.minimum(beyond.max(axis=1), 0.0)
+        return _norm(np.maximum(beyond, 0.0)) + np.minimum(np.maximum.reduce(beyond, axis=1), 0.0)
 
     def gradient(self, points_m: Array) -> Array:
         beyond = np.abs(points_m) - 0.5 * np.asarray(self.size_m)
@@ -118,9 +118,9 @@ class Capsule:
 
     def _from_segment(self, points_m: Array) -> Array:
         half = 0.5 * self.length_m
-        on_axis = np.zeros_like(points_m)
-        on_axis[:, 1] = np.clip(points_m[:, 1], -half, half)
-        return points_m - on_axis
+        from_segment = points_m.copy()
+        from_segment[:, 1] -= np.minimum(np.maximum(points_m[:, 1], -half), half)
+        return from_segment
 
 
 @dataclass(frozen=True)
@@ -141,22 +141,22 @@ class Cylinder:
         return math.hypot(self.radius_m, 0.5 * self.height_m)
 
     def distance(self, points_m: Array) -> Array:
-        beyond = self._beyond(points_m)
-        return np.hypot(*np.maximum(beyond, 0.0).T) + np.minimum(beyond.max(axis=1), 0.0)
+        radial, axial = self._beyond(points_m)
+        return np.hypot(np.maximum(radial, 0.0), np.maximum(axial, 0.0)) + np.minimum(np.maximum(radial, axial), 0.0)
 
     def gradient(self, points_m: Array) -> Array:
-        beyond = self._beyond(points_m)
-        inside_side = np.stack([beyond[:, 0] >= beyond[:, 1], beyond[:, 0] < beyond[:, 1]], axis=1).astype(float)
-        outside = np.maximum(beyond, 0.0)
+        radial, axial = self._beyond(points_m)
+        inside_side = np.stack([radial >= axial, radial < axial], axis=1).astype(float)
+        outside = np.maximum(np.stack([radial, axial], axis=1), 0.0)
         length = np.hypot(*outside.T)
         weight = np.where(length[:, None] > 0.0, outside / np.where(length > 0.0, length, 1.0)[:, None], inside_side)
         flat = points_m * (1.0, 0.0, 1.0)
         up = np.where(points_m[:, 1] < 0.0, -1.0, 1.0)[:, None] * _Y
         return weight[:, :1] * _unit(flat, fallback=_X) + weight[:, 1:] * up
 
-    def _beyond(self, points_m: Array) -> Array:
-        radial = np.hypot(points_m[:, 0], points_m[:, 2]) - self.radius_m
-        return np.stack([radial, np.abs(points_m[:, 1]) - 0.5 * self.height_m], axis=1)
+    def _beyond(self, points_m: Array) -> tuple[Array, Array]:
+        """How far past the side and past the nearer end, (n,) each."""
+        return np.hypot(points_m[:, 0], points_m[:, 2]) - self.radius_m, np.abs(points_m[:, 1]) - 0.5 * self.height_m
 
 
 @dataclass(frozen=True)

@@ -63,7 +63,7 @@ def run_scene(scene_name: str, hand_source: str, configuration: Configuration, o
     recording = load_hand(hand_source)
     side = recording.side_with_most_frames if configuration.side == "auto" else configuration.side
     frames = tuple(recording.frames(side))
-    check_motion(recording.source, frames)
+    check_motion(str(hand_source), frames)
     placed = scene.placed_for(recording, side) if frames else scene.placed(None, None, side)
     plan = plan_scene(placed)
     out = options.out or Path(f"{scene.name}-{time.strftime('%Y%m%d-%H%M%S')}.h5")
@@ -208,7 +208,7 @@ def _play(
     glove.arm()
     start_ns = (glove.now_ns() // tick_ns + 2) * tick_ns
     session.begin(start_ns)
-    arrivals = list(_arrivals(frames, recording, start_ns, seconds_to_ns(latency_s)))
+    arrivals = list(arrivals_of(frames, recording, start_ns, seconds_to_ns(latency_s)))
     end_ns = (arrivals[-1][0] if arrivals else start_ns + seconds_to_ns(recording.duration_s)) + TAIL_NS
     ticks = -(-(end_ns - start_ns) // tick_ns)
     pace = _Pace(options.realtime, tick_ns)
@@ -232,7 +232,7 @@ def _play(
     return session, start_ns, ticks + 1, pace.missed
 
 
-def _arrivals(
+def arrivals_of(
     frames: tuple[HandFrame, ...], recording: HandRecording, start_ns: int, latency_ns: int
 ) -> Iterator[tuple[int, HandFrame | None]]:
     """When each pose reaches the loop, on the glove's clock; None where the tracker says that the hand is gone."""

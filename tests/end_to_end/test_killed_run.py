@@ -1,0 +1,109 @@
+"""``haptics run`` killed at any moment: what it had acknowledged comes back, and is what the whole run would have recorded."""
+
+from __future__ import annotations
+
+import json
+import random
+import signal
+import struct
+import subprocess
+import sys
+import time
+import zlib
+from pathlib import Path
+
+import pytest
+
+from haptics.recording import Recording, load
+from haptics.session.configuration import Configuration
+from haptics.session.run import RunOptions, run_scene
+
+pytestmark = pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="kills as POSIX does")
+SCENE = "tennis"  # drives both boards
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Recording:
+    """The run that nobody kills; being in virtual time, every killed one is its beginning."""
+    out = tmp_path_factory.mktemp("whole") / "run.h5"
+    run_scene(SCENE, "synthetic", Configuration(), RunOptions(out=out))
+    return load(out)
+
+
+def kill_a_run(out: Path, at_bytes: int) -> bytes:
+    """Start a run, kill it when its journal has so many bytes; returns the bytes that the system had been given before."""
+    journal = out.with_suffix(".journal")
+    command = [sys.executable, "-m", "haptics.cli.main", "run", SCENE, "--out", str(out), "--json"]
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL, cwd=out.parent) as run:
+        deadline = time.monotonic() + 60
+        while not journal.exists() or journal.stat().st_size < at_bytes:
+            assert run.poll() is None, "the run ended before it could be killed"
+            assert time.monotonic() < deadline
+            time.sleep(0.001)
+        acknowledged = journal.read_bytes()
+        run.kill()
+    assert run.returncode == -signal.SIGKILL
+    return acknowledged
+
+
+def committed_bytes(journal: bytes) -> dict[str, int]:
+    """Bytes of rows by stream in a journal's whole segments, read by the table in its documentation and no other code."""
+    names: list[str] = []
+    rows: dict[str, int] = {}
+    place = journal.index(b"\n") + 1
+    while len(journal) >= place + 20:
+        marker, kind, stream, _, length, crc = struct.unpack_from("<4sBxHIII", journal, place)
+        payload = journal[place + 20 : place + 20 + length]
+        if len(payload) < length:
+            break
+        assert marker == b"SEG\n"
+        assert zlib.crc32(journal[place : place + 16] + payload) == crc
+        if kind == 2:
+            names.append(json.loads(payload)["name"])
+            rows[names[-1]] = 0
+        elif kind == 3:
+            rows[names[stream]] += length
+        place += 20 + length
+    return rows
+
+
+def all_acknowledged_comes_back(haptics, folder: Path, whole: Recording, kills: int, seed: int) -> None:
+    rng = random.Random(seed)
+    total = sum(whole.stream(name).nbytes for name in whole.streams)
+    for kill in range(kills):
+        out = folder / f"{kill}.h5"
+        acknowledged = committed_bytes(kill_a_run(out, round(rng.uniform(0.02, 0.8) * total)))
+        done = haptics("recording", "recover", out.with_suffix(".journal"), "--json")
+        assert done.code == 0, done.err
+        recovered = load(out)
+        assert done.json["path"] == str(out)
+        assert done.json["complete"] is recovered.complete is False
+        assert set(recovered.streams) == set(whole.streams) == set(acknowledged)
+        for name in whole.streams:
+            rows = recovered.stream(name)
+            assert done.json["rows"][name] == len(rows)
+            assert rows.nbytes >= acknowledged[name]
+            assert rows.tobytes() == whole.stream(name)[: len(rows)].tobytes(), name
+        assert acknowledged["wire"] > 0
+
+
+def test_what_a_killed_run_had_acknowledged_is_recovered_and_begins_the_whole_one(haptics, tmp_path, whole):
+    all_acknowledged_comes_back(haptics, tmp_path, whole, kills=3, seed=1)
+
+
+@pytest.mark.soak
+@pytest.mark.timeout(1800)
+def test_a_hundred_killed_runs(haptics, tmp_path, whole):
+    all_acknowledged_comes_back(haptics, tmp_path, whole, kills=100, seed=2)
+
+
+def test_a_killed_run_can_be_run_again_over_what_it_left(haptics, tmp_path, whole):
+    out = tmp_path / "again.h5"
+    kill_a_run(out, 50_000)
+    done = haptics("run", SCENE, "--out", out)
+    assert done.code == 2
+    assert "again.journal" in done.err  # the only copy of what happened is not overwritten unasked
+    done = haptics("run", SCENE, "--out", out, "--force", "--json")
+    assert done.code == 0, done.err
+    assert load(out).stream("wire").tobytes() == whole.stream("wire").tobytes()
+    assert not list(tmp_path.glob("*.journal"))

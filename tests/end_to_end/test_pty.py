@@ -1,0 +1,167 @@
+"""A brake controller in its own process, the host killed while it brakes: volts fall by the board's own hand, and stay down.
+
+Judged by the board's own time stamps, so that a busy machine makes these tests slower and never wrong.
+"""
+
+from __future__ import annotations
+
+import json
+import random
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import haptics as product
+from haptics.errors import CommandRefused
+from haptics.recording import load, read_journal
+
+pytestmark = [
+    pytest.mark.pty,
+    pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals exist on POSIX systems only"),
+    pytest.mark.timeout(180),
+]
+
+COMMAND = [sys.executable, "-m", "haptics.cli.main"]
+DEAD_MAN_NS = 100_000_000
+DISCHARGE_NS = 5_000_000  # what the controller allows itself before it calls its bridge stuck
+PATIENCE_S = 60.0
+TRIES = 5
+"""A machine that is busy for longer than the dead-man makes a board safe before its host is killed; that is no trial."""
+BRAKING = """
+import sys, time
+import haptics
+
+with haptics.open(brake=sys.argv[1]) as glove:
+    glove.arm()
+    while not glove.state().faults:
+        glove.brake("index", volts=1000.0, ttl_s=1.0)  # outlives the dead-man by far
+        time.sleep(0.02)
+"""
+
+
+def wait_until(condition: Callable[[], Any]) -> None:
+    deadline = time.monotonic() + PATIENCE_S
+    while not condition():
+        assert time.monotonic() < deadline, "nothing happened for a minute"
+        time.sleep(0.002)
+
+
+class Board:
+    """A brake controller behind a pseudo-terminal, and the trace of what it did."""
+
+    def __init__(self, folder: Path):
+        self.folder, self.port, self.trace = folder, folder / "port", folder / "trace.jsonl"
+        settings = ["--link", str(self.port), "--trace", str(self.trace), "--for-s", "1700"]
+        self.process = subprocess.Popen([*COMMAND, "link", "simulate", "brake", *settings], stdout=subprocess.DEVNULL)
+        wait_until(lambda: self.port.is_symlink() or self.process.poll() is not None)
+
+    def lines(self, since: int = 0) -> list[dict[str, Any]]:
+        """The trace's whole lines from number ``since`` on."""
+        text = self.trace.read_text().splitlines(keepends=True) if self.trace.exists() else []
+        return [json.loads(line) for line in text if line.endswith("\n")][since:]
+
+    def kill_braking_host(self, command: list[str], delay_s: float) -> list[dict[str, Any]]:
+        """Start a host, kill it ``delay_s`` after its first volts; returns the trace from its start until the board is off.
+
+        Empty if no volts were on by then.
+        """
+        begin = len(self.lines())
+        host = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, cwd=self.folder)
+        try:
+            wait_until(lambda: host.poll() is not None or any(line["energised"] for line in self.lines(begin)))
+            driven_ns = next((line["time_ns"] for line in self.lines(begin) if line["energised"]), 0)
+            wait_until(lambda: time.monotonic_ns() >= driven_ns + delay_s * 1e9)
+            last = (self.lines(begin) or [{"energised": [], "state": ""}])[-1]
+        finally:
+            host.kill()
+            host.wait()
+        wait_until(lambda: self.process.poll() is not None or (self.lines()[-1]["state"] in ("FAULT", "DISARMED")))
+        wait_until(lambda: self.process.poll() is not None or not self.lines()[-1]["energised"])
+        return self.lines(begin) if last["energised"] and last["state"] == "DRIVING" else []
+
+    def end(self) -> None:
+        self.process.send_signal(signal.SIGTERM)
+        self.process.wait(30)
+
+
+@pytest.fixture
+def board(tmp_path: Path) -> Iterator[Board]:
+    made = Board(tmp_path)
+    yield made
+    made.end()
+    assert made.process.returncode == 0
+
+
+def fell_in_time(lines: list[dict[str, Any]]) -> None:
+    """Off within dead-man and discharge of the host's last byte, by the board's own time."""
+    fault = next(line for line in lines if line["state"] == "FAULT")
+    assert fault["faults"] == 1  # the dead-man and nothing else
+    last_on = max(number for number, line in enumerate(lines) if line["energised"])
+    off = lines[last_on + 1]
+    assert off["time_ns"] - fault["host_byte_ns"] <= DEAD_MAN_NS + DISCHARGE_NS
+    assert not any(line["energised"] for line in lines[last_on + 1 :])
+
+
+def kill_braking_scripts(haptics, board: Board, kills: int, seed: int) -> None:
+    rng = random.Random(seed)
+    command = [sys.executable, "-c", BRAKING, str(board.port)]
+    for _ in range(kills):
+        begin = len(board.lines())
+        for _ in range(TRIES):
+            lines = board.kill_braking_host(command, rng.uniform(0.0, 0.3))
+            if lines:
+                break
+            assert haptics("off", "--port", board.port).code == 0
+        fell_in_time(lines)
+        assert lines[-1]["state"] == "FAULT"
+        number = begin + len(board.lines(begin))
+
+        with product.open(brake=str(board.port)) as glove, pytest.raises(CommandRefused, match=r"dead_man.*haptics off"):
+            glove.arm()  # a host that comes back finds the fault latched
+        done = haptics("off", "--port", board.port, "--json")
+        assert (done.code, done.json["ports"][0]["safe"]) == (0, True)
+        wait_until(lambda: board.lines()[-1]["state"] == "DISARMED")
+        assert board.lines()[-1]["faults"] == 0
+        assert not any(line["energised"] for line in board.lines(number))
+
+
+def test_volts_fall_when_a_braking_script_is_killed_and_only_a_person_brings_them_back(haptics, board):
+    kill_braking_scripts(haptics, board, kills=2, seed=1)
+
+
+@pytest.mark.soak
+@pytest.mark.timeout(1800)
+def test_a_hundred_killed_braking_scripts(haptics, board):
+    kill_braking_scripts(haptics, board, kills=100, seed=2)
+
+
+def test_volts_fall_when_a_run_is_killed_in_a_grasp_and_its_recording_is_recovered(haptics, board, tmp_path):
+    rng = random.Random(3)
+    out = tmp_path / "run.h5"
+    journal = out.with_suffix(".journal")
+    run = [*COMMAND, "run", "playground", "--realtime", "--port-brake", str(board.port), "--out", str(out), "--force"]
+    for _ in range(TRIES):
+        lines = board.kill_braking_host(run, rng.uniform(0.0, 0.1))
+        if lines:
+            break
+        haptics("off", "--port", board.port)
+    fell_in_time(lines)
+
+    acknowledged = {name: rows.tobytes() for name, rows in rows_of(journal).items()}
+    done = haptics("recording", "recover", journal, "--force", "--json")
+    assert done.code == 0, done.err
+    recovered = load(out)
+    assert not recovered.complete
+    assert {name: recovered.stream(name).tobytes() for name in recovered.streams} == acknowledged
+    assert len(recovered.stream("brake_telemetry")) > 0
+
+
+def rows_of(journal: Path) -> dict[str, Any]:
+    contents = read_journal(journal)
+    return {name: contents.stream(name) for name in contents.streams}

@@ -1,0 +1,107 @@
+"""A recording is played again to the byte, is found out if a byte or a pose was changed, and is a hand like any other."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from haptics.session.configuration import Configuration
+from haptics.session.run import RunOptions, run_scene
+
+SCENE = "tennis"  # drives both boards
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("recorded") / "run.h5"
+    run_scene(SCENE, "synthetic", Configuration(), RunOptions(out=out, seed=5, latency_s=0.012))
+    return out
+
+
+@pytest.fixture
+def copy(recorded: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copy(recorded, tmp_path / "copy.h5"))
+
+
+def test_a_replay_sends_and_receives_the_same_bytes_at_the_same_times(haptics, recorded):
+    before = recorded.read_bytes()
+    done = haptics("replay", recorded, "--json")
+    assert done.code == 0, done.err
+    with h5py.File(recorded) as file:
+        rows = len(file["entry/wire/time_ns"])
+    told = done.json
+    assert told["identical"] is True
+    assert told["wire_rows"] == told["replayed_rows"] == rows > 0
+    assert told["first_difference_ns"] is None
+    assert recorded.read_bytes() == before
+
+
+def test_one_flipped_bit_on_the_wire_is_found_and_placed(haptics, copy):
+    with h5py.File(copy, "r+") as file:
+        wire = file["entry/wire"]
+        row = len(wire["time_ns"]) // 2
+        data = wire["data"][row].tobytes()
+        wire["data"][row] = np.void(bytes([data[0] ^ 1]) + data[1:])
+        time_ns = int(wire["time_ns"][row])
+    done = haptics("replay", copy, "--json")
+    assert done.code == 1
+    assert done.json["identical"] is False
+    assert done.json["first_difference_ns"] == time_ns
+
+
+def test_one_moved_pose_is_found_from_when_it_mattered(haptics, copy):
+    with h5py.File(copy, "r+") as file:
+        events, poses = file["entry/events"], file["entry/poses"]
+        touch_ns = events["time_ns"][()][events["kind"][()] == b"touch"][0]
+        row = int(np.searchsorted(poses["time_ns"][()], touch_ns)) - 1  # the last pose before the first touch
+        moved = poses["position_m"][row]
+        moved[:, 1] += 0.02  # 20 mm in 9 ms is a speed that a hand may have
+        poses["position_m"][row] = moved
+        arrived_ns = int(poses["time_ns"][row])
+    done = haptics("replay", copy, "--json")
+    assert done.code == 1, done.err
+    assert done.json["identical"] is False
+    assert done.json["first_difference_ns"] >= arrived_ns
+
+
+@pytest.mark.parametrize(
+    ("place", "value", "word"),
+    [
+        ("poses/position_m", np.nan, "finite"),
+        ("poses/position_m", 5.0, "5 m"),
+        ("poses/sampled_ns", 0, "does not follow"),
+    ],
+)
+def test_a_pose_that_no_hand_can_make_is_refused_by_its_number(haptics, copy, place, value, word):
+    with h5py.File(copy, "r+") as file:
+        file["entry"][place][100] = value
+    done = haptics("replay", copy)
+    assert done.code == 2
+    assert "copy.h5: pose 100" in done.err
+    assert word in done.err
+
+
+def test_what_is_no_recording_of_a_run_is_refused(haptics, copy):
+    with h5py.File(copy, "r+") as file:
+        del file["entry/wire"]
+    done = haptics("replay", copy)
+    assert done.code == 2
+    assert "cannot be replayed" in done.err
+
+
+def test_a_recording_is_a_hand(haptics, recorded, tmp_path):
+    poses = {}
+    for name, hand in (("first", "synthetic"), ("second", recorded)):
+        out = tmp_path / f"{name}.h5"
+        done = haptics("run", "resistance", "--hand", hand, "--latency-ms", 12, "--out", out, "--json")
+        assert done.code == 0, done.err
+        with h5py.File(out) as file:
+            poses[name] = [file["entry/poses"][field][()] for field in ("position_m", "orientation_xyzw", "accepted")]
+            wire = file["entry/wire/data"][()].tobytes()
+        poses[name].append(wire)
+    for first, second in zip(*poses.values(), strict=True):
+        assert np.array_equal(first, second)
