@@ -278,7 +278,7 @@ class BrakeBoard(FirmwareModel):
     def _telemetry(self) -> tuple[Any, ...]:
         now_ns = self.now_ns
         return (
-            [round(abs(self.plant.volts(channel, now_ns))) for channel in range(BRAKE_CHANNELS)],
+            [round(abs(volts)) for volts in self.plant.volts(now_ns)],
             [min(round(one * 1e12), 0xFFFF) for one in self._guards.capacitance_f],
             [min(round(one * 1e7), 0xFFFF) for one in self._guards.leakage_a],
             round(self.plant.stage.bus_v),
@@ -302,8 +302,5 @@ class BrakeBoard(FirmwareModel):
 
     def energised(self) -> list[int]:
         driven = self._drive.mask if self._drive is not None else 0
-        return [
-            channel
-            for channel in range(BRAKE_CHANNELS)
-            if driven >> channel & 1 or abs(self.plant.volts(channel, self.now_ns)) >= DISCHARGED_VOLTS
-        ]
+        volts = enumerate(self.plant.volts(self.now_ns))
+        return [channel for channel, one_v in volts if driven >> channel & 1 or abs(one_v) >= DISCHARGED_VOLTS]

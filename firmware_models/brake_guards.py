@@ -56,7 +56,7 @@ class Guards:
         self._plant = plant
         self.capacitance_f = capacitance_f
         self.leakage_a = [0.0] * BRAKE_CHANNELS
-        self._mask = 0
+        self._chosen: list[int] = []  # outputs of this drive; none: nothing is driven
         self._set_v = self._trip_v = 0.0
         self._half_ns = self._clamp_ns = 1
         self._phase_ns = 0
@@ -70,7 +70,7 @@ class Guards:
 
     def begin(self, mask: int, volts: float, frequency_hz: float, now_ns: int) -> None:
         """A drive takes effect: from discharged outputs, or with another amplitude only, in the phase of the one before."""
-        if self._mask == 0:
+        if not self._chosen:
             half_ns = round(0.5 * NS_PER_S / frequency_hz)
             self._phase_ns, self._half_ns, self._clamp_ns = now_ns, half_ns, seconds_to_ns(clamp_time_s(frequency_hz))
             self._trip_v = volts
@@ -82,7 +82,7 @@ class Guards:
             self._lowered_in = self._half_period(now_ns)
             self._trip_v = max(self._trip_v, volts)
             self._held = None
-        self._mask, self._set_v = mask, volts
+        self._chosen, self._set_v = [channel for channel in range(BRAKE_CHANNELS) if mask >> channel & 1], volts
 
     def wake(self, now_ns: int) -> None:
         """Something acted on the plant from outside."""
@@ -90,19 +90,19 @@ class Guards:
 
     def end(self) -> None:
         """The outputs are shorted."""
-        self._mask = 0
+        self._chosen = []
         self._held = self._over_current_since_ns = None
         self.leakage_a = [0.0] * BRAKE_CHANNELS
 
     def sample(self, now_ns: int) -> Trip | None:
         """Look once; to be called at ``next_ns``."""
         self.next_ns = now_ns + self._interval_ns()
-        chosen = [channel for channel in range(BRAKE_CHANNELS) if self._mask >> channel & 1]
-        channel = chosen[0] if len(chosen) == 1 else WHOLE_BOARD
-        signed_v, amps = self._plant.volts(chosen[0], now_ns), self._plant.supply_current_a()
+        channel = self._chosen[0] if len(self._chosen) == 1 else WHOLE_BOARD
+        signed_v, amps = self._plant.volts(now_ns)[self._chosen[0]], self._plant.supply_current_a()
         volts = abs(signed_v)
-        charging_ns = now_ns - self._charging_from_ns(now_ns)
-        if self._half_period(now_ns) > self._lowered_in and charging_ns > 0:
+        half_period = self._half_period(now_ns)
+        charging_ns = now_ns - self._charging_from_ns(half_period)
+        if half_period > self._lowered_in and charging_ns > 0:
             self._trip_v = self._set_v
         if volts > OVER_VOLTAGE * self._trip_v:
             return Trip(Fault.OVER_VOLTAGE, channel, round(volts))
@@ -112,9 +112,8 @@ class Guards:
             return Trip(Fault.BRIDGE_STUCK, channel, (now_ns - self._sign_ns) // NS_PER_MS)
         if charging_ns <= 0:
             return None
-        return self._judge_ramp(chosen, channel, volts, charging_ns, now_ns) or self._judge_hold(
-            chosen, channel, volts, amps, now_ns
-        )
+        ramp = self._judge_ramp(channel, volts, charging_ns, now_ns) if half_period >= self._ramp_known_from else None
+        return ramp or self._judge_hold(channel, volts, amps, half_period, now_ns)
 
     def _interval_ns(self) -> int:
         return min(SAMPLE_NS, self._half_ns // 4)
@@ -123,9 +122,8 @@ class Guards:
         """Which half period it is, from 0; the first one has half the length."""
         return (now_ns - self._phase_ns + self._half_ns - self._half_ns // 2) // self._half_ns
 
-    def _charging_from_ns(self, now_ns: int) -> int:
+    def _charging_from_ns(self, half_period: int) -> int:
         """When the supply began, or will begin, to charge in this half period: after the clamp, but in the first."""
-        half_period = self._half_period(now_ns)
         if half_period == 0:
             return self._phase_ns
         return self._phase_ns + self._half_ns // 2 + (half_period - 1) * self._half_ns + self._clamp_ns
@@ -145,12 +143,10 @@ class Guards:
         slack_ns = self._clamp_ns + 2 * self._interval_ns()
         return self._set_v >= 2 * _SENSED_V and now_ns - self._sign_ns > STUCK_HALF_PERIODS * self._half_ns + slack_ns
 
-    def _judge_ramp(self, chosen: list[int], channel: int, volts: float, charging_ns: int, now_ns: int) -> Trip | None:
-        if self._half_period(now_ns) < self._ramp_known_from:
-            return None
+    def _judge_ramp(self, channel: int, volts: float, charging_ns: int, now_ns: int) -> Trip | None:
         if volts > _SENSED_V and self._sign_ns < now_ns - charging_ns:
             return None  # still the old sign: no ramp at all, and another guard's matter
-        total_f = DRIVE.stray_f + sum(self.capacitance_f[one] for one in chosen)
+        total_f = DRIVE.stray_f + sum([self.capacitance_f[one] for one in self._chosen])
         expected_v = DRIVE.supply_current_a * charging_ns / NS_PER_S / total_f
         if not _RAMP[0] <= expected_v <= _RAMP[1] * self._set_v:
             return None
@@ -164,8 +160,7 @@ class Guards:
             self.capacitance_f[channel] = total_f * expected_v / volts - DRIVE.stray_f
         return None
 
-    def _judge_hold(self, chosen: list[int], channel: int, volts: float, amps: float, now_ns: int) -> Trip | None:
-        half_period = self._half_period(now_ns)
+    def _judge_hold(self, channel: int, volts: float, amps: float, half_period: int, now_ns: int) -> Trip | None:
         before = self._held if self._held is not None and self._held[0] == half_period else None
         if volts >= _HELD * self._set_v:
             self._held = (half_period, before[1] if before else now_ns, volts)
@@ -180,5 +175,5 @@ class Guards:
         self.next_ns = now_ns + min(_HELD_SAMPLE_NS, self._half_ns // 4)
         leak_a = max(amps - self._set_v / DRIVE.bleeder_ohm, 0.0)
         for one in range(BRAKE_CHANNELS):
-            self.leakage_a[one] = leak_a / len(chosen) if one in chosen else 0.0
+            self.leakage_a[one] = leak_a / len(self._chosen) if one in self._chosen else 0.0
         return Trip(Fault.LEAK, channel, round(leak_a * 1e7)) if leak_a > LEAK_A else None

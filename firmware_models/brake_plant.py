@@ -104,15 +104,15 @@ class Brakes:
         self._set_v = volts * self._volts_gain
         self.stage.drive(self._seconds(now_ns), driven, self._set_v, frequency_hz)
 
-    def volts(self, channel: int, now_ns: int) -> float:
-        """Signed volts on an output."""
+    def volts(self, now_ns: int) -> list[float]:
+        """Signed volts on each output."""
         self.advance(now_ns)
-        return self.stage.voltage_v(channel)
+        return self.stage.voltages_v
 
     def highest_v(self, now_ns: int) -> float:
         """Greatest magnitude anywhere behind the supply."""
-        self.advance(now_ns)
-        return max(self.stage.bus_v, *(abs(self.stage.voltage_v(channel)) for channel in range(BRAKE_CHANNELS)))
+        volts = self.volts(now_ns)
+        return max(self.stage.bus_v, *map(abs, volts))
 
     def supply_current_a(self) -> float:
         """What the supply gives, as of the last look at volts."""
@@ -158,7 +158,7 @@ class Brakes:
         channels = range(BRAKE_CHANNELS)
         return {
             "time_ns": now_ns,
-            "volts": [self.stage.voltage_v(channel) for channel in channels],
+            "volts": self.stage.voltages_v,
             "amplitude_v": [self.stage.amplitude_v(channel) for channel in channels],
             "capacity_n": list(self.capacity_n),
             "held_n": [min(self._pull_n[channel], self.capacity_n[channel]) for channel in channels],
@@ -184,8 +184,7 @@ class Brakes:
         """For how many grid steps from the last one volts will not change; 0 if they do."""
         stage = self.stage
         if stage.mask == 0:
-            still = all(abs(stage.voltage_v(channel)) < _STILL_V for channel in range(BRAKE_CHANNELS))
-            return _EVER if still else 0
+            return _EVER if max(map(abs, stage.voltages_v)) < _STILL_V else 0
         first = (stage.mask & -stage.mask).bit_length() - 1
         if stage.next_event_s is None or abs(stage.voltage_v(first)) < _HELD * self._set_v:
             return 0
@@ -198,8 +197,8 @@ class Brakes:
         else:
             elapsed_s = steps * _GRID_NS / 1e9
             rise, fall = -math.expm1(-elapsed_s / self._contact.tau_on_s), -math.expm1(-elapsed_s / self._contact.tau_off_s)
-        for channel in range(BRAKE_CHANNELS):
-            before_n, volts = self.capacity_n[channel], abs(self.stage.voltage_v(channel))
+        for channel, volts in enumerate(map(abs, self.stage.voltages_v)):
+            before_n = self.capacity_n[channel]
             target_n = self._force_n(channel, volts) if volts >= _STILL_V else self._off_n[channel]
             if target_n == before_n:
                 continue

@@ -111,10 +111,12 @@ class Link:
 
     @property
     def next_event_ns(self) -> int:
-        """When the session wants to be asked, or a simulated port's board acts or is heard; ``NEVER_NS`` if nothing will happen."""
-        event_ns = self.simulated.next_event() if self.simulated is not None else None
+        """When the session wants to be asked, or a simulated port's board acts or is heard; ``NEVER_NS`` if neither ever will."""
         deadline_ns = self.session.next_deadline_ns
-        return min(NEVER_NS if event_ns is None else event_ns, NEVER_NS if deadline_ns is None else deadline_ns)
+        event_ns = self.simulated.next_event() if self.simulated is not None else None
+        if event_ns is None:
+            return NEVER_NS if deadline_ns is None else deadline_ns
+        return event_ns if deadline_ns is None or event_ns < deadline_ns else deadline_ns
 
     def advance(self, to_ns: int) -> None:
         """Carry a simulated port to ``to_ns``; a real one, or a closed one, needs nobody for that."""
@@ -122,7 +124,7 @@ class Link:
             self.simulated.advance(to_ns)
 
     def service(self, now_ns: int) -> None:
-        """Hand what has come to the session, let it work, write what it says. Waits for nothing; a link that ended stays as it is."""
+        """Hand what has come to the session, let it work, write what it says; nothing once the link ended. Waits for nothing."""
         if self.session.error is not None:
             return
         try:

@@ -105,7 +105,7 @@ def open_port(url: str, baud: int = DEFAULT_BAUD) -> BytePort:
 
 
 class PortErrors:
-    """A context that turns whatever an open port raises into one ``LinkLost``. Holds nothing, so one may be kept and used again."""
+    """A context that turns whatever an open port raises into one ``LinkLost``. Holds no state, so one may be entered again."""
 
     def __init__(self, url: str, doing: str):
         self._url, self._doing = url, doing
@@ -114,12 +114,11 @@ class PortErrors:
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
         if isinstance(error, serial.SerialTimeoutException):
-            raise LinkLost(
-                self._url, f"the peer takes no bytes ({error})", self._doing, "is the board running? unplug it and plug it in again"
-            ) from error
+            seen, advice = f"the peer takes no bytes ({error})", "is the board running? unplug it and plug it in again"
+            raise LinkLost(self._url, seen, self._doing, advice) from error
         if isinstance(error, (*_port_errors, TypeError)):  # TypeError: pyserial, when a port is closed under a call
-            seen = f"the port went away ({error or type(error).__name__})"
-            raise LinkLost(self._url, seen, self._doing, "check the cable, then connect again") from error
+            seen, advice = f"the port went away ({error or type(error).__name__})", "check the cable, then connect again"
+            raise LinkLost(self._url, seen, self._doing, advice) from error
 
 
 def _why_not_opened(url: str, error: Exception) -> LinkError:

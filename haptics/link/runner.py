@@ -53,20 +53,18 @@ class VirtualRunner:
 
         :raises InputError: ``t_ns`` lies in the past.
         """
-        due_ns = self._due_ns()
-        while (event_ns := min(due_ns, default=NEVER_NS)) <= t_ns:
+        while (event_ns := min(due_ns := self._due_ns(), default=NEVER_NS)) <= t_ns:
             self.clock.advance_to(event_ns)
             for link, link_ns in zip(self.links, due_ns, strict=True):
                 if link_ns == event_ns:
                     link.advance(event_ns)
                     link.service(event_ns)
-            due_ns = self._due_ns()
         self.clock.advance_to(t_ns)
         for link in self.links:
             link.advance(t_ns)
 
     def _due_ns(self) -> list[int]:
-        """For each link, the next time at which a byte arrives, its board acts, or its session wants to be asked."""
+        """For each link, when a byte arrives, its board acts or its session wants to be asked next; later than now."""
         soonest_ns = self.clock.now_ns() + 1
         return [max(link.next_event_ns, soonest_ns) for link in self.links]
 

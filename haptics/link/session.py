@@ -17,8 +17,7 @@ from enum import Enum
 from typing import Any
 
 from haptics.errors import ClockUncertain, CommandRefused, InputError, LinkError, LinkLost, NotABoard, ReplyTimeout, WrongFirmware
-from haptics.link import events as happened
-from haptics.link import handshake
+from haptics.link import events as happened, handshake
 from haptics.link.clock import ClockFit
 from haptics.link.commands import NEVER_NS, CommandWindow, Pending, status_name
 from haptics.link.framing import Deframer, Frame, encode_frame

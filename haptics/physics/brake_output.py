@@ -159,8 +159,13 @@ class OutputStage:
         """Sum of the magnitudes of charge on all outputs."""
         return sum(abs(o.capacitance_f * o.volts) for o in self._outputs) + self._drive.stray_f * abs(self._bridge_v)
 
+    @property
+    def voltages_v(self) -> list[float]:
+        """Signed voltage on each output now."""
+        return [o.volts for o in self._outputs]
+
     def voltage_v(self, output: int) -> float:
-        """Signed voltage on an output now."""
+        """Signed voltage on one output now."""
         return self._outputs[output].volts
 
     def amplitude_v(self, output: int) -> float:

@@ -7,8 +7,8 @@ back of the hand, so +X to the right of someone looking along the bone; the same
 
 from __future__ import annotations
 
-import math
 import heapq
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 
@@ -222,7 +222,7 @@ def check_frame(frame: HandFrame, previous: HandFrame | None) -> str | None:
     if not abs(position[joint, axis]) <= FARTHEST_M:
         where = f"{JOINTS[joint]} lies at {position[joint, axis]:g} m along {'xyz'[axis]}; allowed: within {FARTHEST_M:g} m"
         return where if np.isfinite(position).all() else "a number is not finite"
-    norm = np.sqrt(np.einsum("ij,ij->i", orientation, orientation))
+    norm = np.sqrt(np.vecdot(orientation, orientation))
     joint = int(np.abs(norm - 1.0).argmax())
     if not abs(norm[joint] - 1.0) <= NORM_TOLERANCE:
         length = f"the quaternion of {JOINTS[joint]} has norm {norm[joint]:g}; allowed: 1 within {NORM_TOLERANCE:g}"
@@ -233,7 +233,7 @@ def check_frame(frame: HandFrame, previous: HandFrame | None) -> str | None:
         return f"its time {frame.time_ns} ns does not follow {previous.time_ns} ns"
     if frame.track_id == previous.track_id and frame.side == previous.side:
         step = position - previous.position_m
-        moved_m2 = np.einsum("ij,ij->i", step, step)
+        moved_m2 = np.vecdot(step, step)
         joint = int(moved_m2.argmax())
         speed_m_s = math.sqrt(moved_m2[joint]) * NS_PER_S / (frame.time_ns - previous.time_ns)
         if speed_m_s > FASTEST_M_S:

@@ -65,7 +65,7 @@ class Pose:
         return Pose((x, y, z), self.orientation_xyzw)
 
     def turned_about(self, pivot_m: Array, turn_xyzw: Sequence[float], to_m: Array) -> Pose:
-        """This pose turned by the unit quaternion ``turn_xyzw`` (world axes) about ``pivot_m``, the pivot then carried to ``to_m``."""
+        """This pose turned by ``turn_xyzw`` (unit, world axes) about ``pivot_m``, the pivot then carried to ``to_m``."""
         x, y, z = (_rotation(turn_xyzw) @ (self.origin_m - pivot_m) + to_m).tolist()
         return Pose((x, y, z), multiply_xyzw(turn_xyzw, self.orientation_xyzw))
 

@@ -10,8 +10,7 @@ from haptics.errors import InputError
 from haptics.scene.hand import HandRecording
 from haptics.scene.leap import load_leap
 from haptics.scene.recorded import SIGNATURE, load_recorded
-from haptics.scene.synthetic import NAME as SYNTHETIC
-from haptics.scene.synthetic import synthetic_hand
+from haptics.scene.synthetic import NAME as SYNTHETIC, synthetic_hand
 
 _SHIPPED: dict[str, Callable[[], HandRecording]] = {SYNTHETIC: synthetic_hand}
 

@@ -259,7 +259,7 @@ def _length(name: str, value: float) -> float:
 
 
 def _norm(vectors: Array) -> Array:
-    return np.sqrt(np.einsum("ij,ij->i", vectors, vectors))
+    return np.sqrt(np.vecdot(vectors, vectors))
 
 
 def _unit(vectors: Array, fallback: Array) -> Array:

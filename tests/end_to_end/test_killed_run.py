@@ -16,7 +16,9 @@ import pytest
 
 from haptics.recording import Recording, load
 from haptics.session.configuration import Configuration
+from haptics.session.recorder import COMMIT_NS
 from haptics.session.run import RunOptions, run_scene
+from haptics.session.session import SAMPLE_NS
 
 pytestmark = pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="kills as POSIX does")
 SCENE = "tennis"  # drives both boards
@@ -46,10 +48,10 @@ def kill_a_run(out: Path, at_bytes: int) -> bytes:
     return acknowledged
 
 
-def committed_bytes(journal: bytes) -> dict[str, int]:
-    """Bytes of rows by stream in a journal's whole segments, read by the table in its documentation and no other code."""
+def commits(journal: bytes) -> dict[str, list[int]]:
+    """Bytes of rows in each whole segment of a journal, by stream, read by its documented table and no other code."""
     names: list[str] = []
-    rows: dict[str, int] = {}
+    rows: dict[str, list[int]] = {}
     place = journal.index(b"\n") + 1
     while len(journal) >= place + 20:
         marker, kind, stream, _, length, crc = struct.unpack_from("<4sBxHIII", journal, place)
@@ -60,9 +62,9 @@ def committed_bytes(journal: bytes) -> dict[str, int]:
         assert zlib.crc32(journal[place : place + 16] + payload) == crc
         if kind == 2:
             names.append(json.loads(payload)["name"])
-            rows[names[-1]] = 0
+            rows[names[-1]] = []
         elif kind == 3:
-            rows[names[stream]] += length
+            rows[names[stream]].append(length)
         place += 20 + length
     return rows
 
@@ -72,7 +74,7 @@ def all_acknowledged_comes_back(haptics, folder: Path, whole: Recording, kills: 
     total = sum(whole.stream(name).nbytes for name in whole.streams)
     for kill in range(kills):
         out = folder / f"{kill}.h5"
-        acknowledged = committed_bytes(kill_a_run(out, round(rng.uniform(0.02, 0.8) * total)))
+        acknowledged = commits(kill_a_run(out, round(rng.uniform(0.02, 0.8) * total)))
         done = haptics("recording", "recover", out.with_suffix(".journal"), "--json")
         assert done.code == 0, done.err
         recovered = load(out)
@@ -82,9 +84,11 @@ def all_acknowledged_comes_back(haptics, folder: Path, whole: Recording, kills: 
         for name in whole.streams:
             rows = recovered.stream(name)
             assert done.json["rows"][name] == len(rows)
-            assert rows.nbytes >= acknowledged[name]
+            assert rows.nbytes >= sum(acknowledged[name])
             assert rows.tobytes() == whole.stream(name)[: len(rows)].tobytes(), name
-        assert acknowledged["wire"] > 0
+        assert acknowledged["wire"]
+        longest = max(acknowledged["ticks"]) // whole.stream("ticks").itemsize
+        assert longest * SAMPLE_NS <= COMMIT_NS + SAMPLE_NS  # what came since the last commit is all that a kill can take
 
 
 def test_what_a_killed_run_had_acknowledged_is_recovered_and_begins_the_whole_one(haptics, tmp_path, whole):

@@ -108,20 +108,24 @@ def fell_in_time(lines: list[dict[str, Any]]) -> None:
     assert not any(line["energised"] for line in lines[last_on + 1 :])
 
 
+def kill_until_it_counts(haptics, board: Board, command: list[str], rng: random.Random, within_s: float) -> list[dict[str, Any]]:
+    for _ in range(TRIES):
+        lines = board.kill_braking_host(command, rng.uniform(0.0, within_s))
+        if lines:
+            return lines
+        assert haptics("off", "--port", board.port).code == 0
+    raise AssertionError(f"no volts were on at any of {TRIES} kills; is the machine that busy?")
+
+
 def kill_braking_scripts(haptics, board: Board, kills: int, seed: int) -> None:
     rng = random.Random(seed)
     command = [sys.executable, "-c", BRAKING, str(board.port)]
     for _ in range(kills):
-        begin = len(board.lines())
-        for _ in range(TRIES):
-            lines = board.kill_braking_host(command, rng.uniform(0.0, 0.3))
-            if lines:
-                break
-            assert haptics("off", "--port", board.port).code == 0
+        lines = kill_until_it_counts(haptics, board, command, rng, 0.3)
         fell_in_time(lines)
         assert lines[-1]["state"] == "FAULT"
-        number = begin + len(board.lines(begin))
 
+        number = len(board.lines())
         with product.open(brake=str(board.port)) as glove, pytest.raises(CommandRefused, match=r"dead_man.*haptics off"):
             glove.arm()  # a host that comes back finds the fault latched
         done = haptics("off", "--port", board.port, "--json")
@@ -146,12 +150,7 @@ def test_volts_fall_when_a_run_is_killed_in_a_grasp_and_its_recording_is_recover
     out = tmp_path / "run.h5"
     journal = out.with_suffix(".journal")
     run = [*COMMAND, "run", "playground", "--realtime", "--port-brake", str(board.port), "--out", str(out), "--force"]
-    for _ in range(TRIES):
-        lines = board.kill_braking_host(run, rng.uniform(0.0, 0.1))
-        if lines:
-            break
-        haptics("off", "--port", board.port)
-    fell_in_time(lines)
+    fell_in_time(kill_until_it_counts(haptics, board, run, rng, 0.1))
 
     acknowledged = {name: rows.tobytes() for name, rows in rows_of(journal).items()}
     done = haptics("recording", "recover", journal, "--force", "--json")

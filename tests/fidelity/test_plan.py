@@ -6,8 +6,8 @@ import pytest
 
 from haptics.fidelity import plan_scene
 from haptics.scene import load_scene, shipped_scenes
-from haptics.session.run import RunOptions, open_glove
 from haptics.session.configuration import Configuration
+from haptics.session.run import RunOptions, open_glove
 
 TWO_TIPS = """
 summary = "a ball that two fingertips can touch"

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from firmware_models.ticks import TickCounter, signed_difference
 from firmware_models.uart import NEVER_NS, Line

@@ -2,8 +2,7 @@ from __future__ import annotations
 
 import pytest
 from board_double import crc16_x25, frame, parse, stuff
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from haptics.errors import InputError
 from haptics.link.framing import LONGEST_FRAME, Deframer, encode_frame

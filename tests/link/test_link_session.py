@@ -22,8 +22,7 @@ from board_double import (
     frame,
     parse,
 )
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from haptics.errors import (
     ClockUncertain,

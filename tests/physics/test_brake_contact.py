@@ -3,8 +3,7 @@ from __future__ import annotations
 import math
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from haptics.errors import InputError
 from haptics.physics.brake_contact import CONTACT, ContactLag, lagged, time_to_reach_s

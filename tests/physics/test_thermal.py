@@ -3,8 +3,7 @@ from __future__ import annotations
 import math
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from haptics.errors import InputError
 from haptics.physics.thermal import THERMAL, ThermalParameters, burst_energy_j, pulse_rise_k, relax

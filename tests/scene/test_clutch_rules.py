@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from haptics.errors import InputError
 from haptics.scene.clutch_rules import BodyState, ByGrasp, ClutchRules, HeldPosture, OnContact, SelectiveResistance

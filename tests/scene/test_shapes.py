@@ -6,8 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from haptics.errors import InputError
 from haptics.scene.pose import Pose, multiply_xyzw, shortest_turn_xyzw

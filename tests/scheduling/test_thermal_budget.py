@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from haptics.errors import InputError
 from haptics.physics.thermal import PULSE_ENERGY_J, ThermalParameters, burst_energy_j

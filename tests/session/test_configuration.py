@@ -30,9 +30,7 @@ def test_the_example_on_the_page_is_valid_and_shows_the_defaults():
     example = re.search(r"```toml\n(.*?)```", (DOCS / "configuration.md").read_text(), re.S)
     assert example is not None
     shown = check_configuration(tomllib.loads(example.group(1)), "the page")
-    plain = shown.model_copy(
-        update={"side": "auto", "tactiles": shown.tactiles.model_copy(update={"calibration": {}})}
-    )
+    plain = shown.model_copy(update={"side": "auto", "tactiles": shown.tactiles.model_copy(update={"calibration": {}})})
     assert plain == Configuration()
 
 
