@@ -67,7 +67,7 @@ class SelfTest:
             self._began_ns, self._resting = now_ns, False
             self.next_ns = now_ns + _POLL_NS
             return None
-        volts = self._plant.volts(now_ns)[channel]
+        volts = abs(self._plant.volts(now_ns)[channel])  # the bridge starts with the polarity in which it stopped
         if volts < READ_V:
             if now_ns - self._began_ns >= _NO_RISE_NS:
                 return Failed(Fault.SHORT, channel, 0)

@@ -71,7 +71,9 @@ class Actuators:
         self._start_ns = start_ns
         self._awake: set[int] = set()  # driven or touched at least once; the others are cold and still, and time passes them by
         self._settled_ns = [start_ns] * COIL_CHANNELS
-        self._counted_j = [0.0] * COIL_CHANNELS
+        self._energy_j = [plant.energy_j for plant in self._plants]
+        self._position_m = [plant.position_m for plant in self._plants]
+        self._latched = [plant.latched for plant in self._plants]
         self._last_stop = ["reached_off"] * COIL_CHANNELS
         self._signs = [0] * COIL_CHANNELS
 
@@ -122,9 +124,9 @@ class Actuators:
         return {
             "time_ns": now_ns,
             "rise_k": list(self.rise_k),
-            "position_m": [plant.position_m for plant in self._plants],
-            "latched": [plant.latched for plant in self._plants],
-            "energy_j": [plant.energy_j for plant in self._plants],
+            "position_m": list(self._position_m),
+            "latched": list(self._latched),
+            "energy_j": list(self._energy_j),
             "switches": list(self.switches),
             "coils_on": [sign != 0 for sign in self._signs],
             "supply_v": self.volts,
@@ -146,9 +148,10 @@ class Actuators:
         plant = self._plants[channel]
         plant.advance((now_ns - self._start_ns) / 1e9)
         self._settled_ns[channel] = now_ns
-        energy_j, counted_j = plant.energy_j, self._counted_j[channel]
-        taken_j = max(energy_j - counted_j, 0.0)
-        self._counted_j[channel] = max(energy_j, counted_j)
+        self._position_m[channel], self._latched[channel] = plant.position_m, plant.latched
+        before_j = self._energy_j[channel]
+        self._energy_j[channel] = max(plant.energy_j, before_j)
+        taken_j = self._energy_j[channel] - before_j
         elapsed_s = elapsed_ns / 1e9
         self.rise_k[channel] = relax(self.rise_k[channel], taken_j / elapsed_s, elapsed_s, self.thermals[channel])
         for event in plant.take_events():

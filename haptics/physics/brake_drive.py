@@ -66,25 +66,6 @@ class Regime(NamedTuple):
     supply: str
 
 
-def charging_regime(u_v: float, set_v: float, capacitance_f: float, leak_s: float, drive: DriveParameters) -> Regime:
-    """The regime at ``u_v`` under the setpoint ``set_v``.
-
-    :param capacitance_f: of everything on the output, stray included, > 0. :param leak_s: leak conductance (siemens), >= 0.
-    """
-    r, r_b, limit_a = drive.output_resistance_ohm, drive.bleeder_ohm, drive.supply_current_a
-    knee_v = set_v - r * (limit_a - set_v / r_b)
-    if u_v > set_v:
-        conductance = 1.0 / (r_b + r) + leak_s
-        return Regime(0.0, capacitance_f / conductance, set_v, "blocked")
-    if u_v < min(knee_v, set_v):
-        conductance = 1.0 / (r_b + r) + leak_s
-        target_v = limit_a / (1.0 + r / r_b) / conductance
-        return Regime(target_v, capacitance_f / conductance, knee_v if target_v > knee_v else math.nan, "current")
-    conductance = 1.0 / r + leak_s
-    target_v = set_v / r / conductance
-    return Regime(target_v, capacitance_f / conductance, math.nan if target_v >= knee_v else knee_v, "voltage")
-
-
 def moved(u_v: float, regime: Regime, dt_s: float) -> float:
     """``u`` after ``dt_s`` in one regime, exact."""
     return u_v + (regime.target_v - u_v) * -math.expm1(-dt_s / regime.tau_s)
@@ -116,37 +97,58 @@ class Charged(NamedTuple):
     energy_j: float
 
 
-def charge(
-    u_v: float, set_v: float, dt_s: float, capacitance_f: float, leak_s: float, drive: DriveParameters, stiff: bool = False
-) -> Charged:
-    """Charge an output for ``dt_s`` from ``u_v`` (bridge's frame) toward ``set_v``, regime by regime.
+class Charging:
+    """A load under one setpoint: which regime holds at which ``u``, and where charging leads.
 
+    :param capacitance_f: of everything on the output, stray included, > 0. :param leak_s: leak conductance (siemens), >= 0.
     :param stiff: the supply stays at ``set_v`` while it limits current (direct reversal) instead of sagging to the load.
     """
-    r, r_b, limit_a = drive.output_resistance_ohm, drive.bleeder_ohm, drive.supply_current_a
-    charge_c = energy_j = 0.0
-    left_s = dt_s
-    # Three regimes need at most a few changes; an equilibrium on a border could change for ever by rounding.
-    for changes in range(8):
-        regime = charging_regime(u_v, set_v, capacitance_f, leak_s, drive)
-        step_s = left_s
-        if changes < 7 and not math.isnan(regime.until_v):
-            step_s = min(left_s, time_to_reach_s(u_v, regime.until_v, regime))
-        area = volt_seconds(u_v, regime, step_s)
-        if regime.supply == "current":
-            # Supply: I = i + (u + i R)/R_b; its terminals are at u + i R.
-            charge_c += limit_a * step_s
-            energy_j += limit_a * (set_v * step_s if stiff else (area + r * limit_a * step_s) / (1.0 + r / r_b))
-        elif regime.supply == "voltage":
-            taken_c = (set_v * step_s - area) / r + set_v / r_b * step_s
-            charge_c += taken_c
-            energy_j += set_v * taken_c
-        if step_s >= left_s:
-            return Charged(moved(u_v, regime, step_s), charge_c, energy_j)
-        # Falling onto a border, step just below it, where the next regime begins.
-        u_v = regime.until_v if regime.supply == "current" else math.nextafter(regime.until_v, -math.inf)
-        left_s -= step_s
-    return Charged(u_v, charge_c, energy_j)
+
+    def __init__(self, set_v: float, capacitance_f: float, leak_s: float, drive: DriveParameters = DRIVE, stiff: bool = False):
+        self.set_v, self.capacitance_f, self.leak_s = set_v, capacitance_f, leak_s
+        self._drive, self._stiff = drive, stiff
+        r, r_b, limit_a = drive.output_resistance_ohm, drive.bleeder_ohm, drive.supply_current_a
+        knee_v = set_v - r * (limit_a - set_v / r_b)
+        through_bleeder, through_supply = 1.0 / (r_b + r) + leak_s, 1.0 / r + leak_s
+        ramp_v, hold_v = limit_a / (1.0 + r / r_b) / through_bleeder, set_v / r / through_supply
+        self._limited_below_v = min(knee_v, set_v)
+        self._blocked = Regime(0.0, capacitance_f / through_bleeder, set_v, "blocked")
+        self._current = Regime(ramp_v, capacitance_f / through_bleeder, knee_v if ramp_v > knee_v else math.nan, "current")
+        self._voltage = Regime(hold_v, capacitance_f / through_supply, math.nan if hold_v >= knee_v else knee_v, "voltage")
+
+    def regime(self, u_v: float) -> Regime:
+        """The regime at ``u_v``."""
+        if u_v > self.set_v:
+            return self._blocked
+        return self._current if u_v < self._limited_below_v else self._voltage
+
+    def charge(self, u_v: float, dt_s: float) -> Charged:
+        """Charge for ``dt_s`` from ``u_v``, regime by regime."""
+        set_v, drive = self.set_v, self._drive
+        r, r_b, limit_a = drive.output_resistance_ohm, drive.bleeder_ohm, drive.supply_current_a
+        charge_c = energy_j = 0.0
+        left_s = dt_s
+        # Three regimes need at most a few changes; an equilibrium on a border could change for ever by rounding.
+        for changes in range(8):
+            regime = self.regime(u_v)
+            step_s = left_s
+            if changes < 7 and not math.isnan(regime.until_v):
+                step_s = min(left_s, time_to_reach_s(u_v, regime.until_v, regime))
+            area = volt_seconds(u_v, regime, step_s)
+            if regime.supply == "current":
+                # Supply: I = i + (u + i R)/R_b; its terminals are at u + i R.
+                charge_c += limit_a * step_s
+                energy_j += limit_a * (set_v * step_s if self._stiff else (area + r * limit_a * step_s) / (1.0 + r / r_b))
+            elif regime.supply == "voltage":
+                taken_c = (set_v * step_s - area) / r + set_v / r_b * step_s
+                charge_c += taken_c
+                energy_j += set_v * taken_c
+            if step_s >= left_s:
+                return Charged(moved(u_v, regime, step_s), charge_c, energy_j)
+            # Falling onto a border, step just below it, where the next regime begins.
+            u_v = regime.until_v if regime.supply == "current" else math.nextafter(regime.until_v, -math.inf)
+            left_s -= step_s
+        return Charged(u_v, charge_c, energy_j)
 
 
 def steady_half_period(
@@ -169,18 +171,19 @@ def steady_half_period(
     if total_f == 0.0:
         return HalfPeriod(set_v, 0.0, 0.0)
     if frequency_hz == 0.0:
-        done = charge(set_v, set_v, 1.0, total_f, leak_s, drive)
+        done = Charging(set_v, total_f, leak_s, drive).charge(set_v, 1.0)
         return HalfPeriod(done.u_v, done.charge_c, done.energy_j)
     half_s = 0.5 / frequency_hz
     clamped_s = clamp_time_s(frequency_hz, drive) if reversal == "clamped" else 0.0
     kept = math.exp(-clamped_s / (drive.output_resistance_ohm * total_f))
     bleed_a = set_v / drive.bleeder_ohm
+    charging = Charging(set_v, total_f, leak_s, drive, stiff=reversal == "direct")
     amplitude_v = set_v
     done = Charged(0.0, 0.0, 0.0)
     # The map from one half period's amplitude to the next contracts (or, direct and current limited, alternates about its fixed
     # point): averaging makes it converge either way.
     for _ in range(500):
-        done = charge(-amplitude_v * kept, set_v, half_s - clamped_s, total_f, leak_s, drive, reversal == "direct")
+        done = charging.charge(-amplitude_v * kept, half_s - clamped_s)
         if abs(done.u_v - amplitude_v) <= 1e-12 * max(1.0, set_v):
             break
         amplitude_v = 0.5 * (amplitude_v + done.u_v)
@@ -226,8 +229,9 @@ def rise_time_s(
     in_range("set_v", set_v, 0.0, 1e5, "V")
     total_f = capacitance_f + drive.stray_f
     level_v, u_v, time_s = share * set_v, 0.0, 0.0
+    charging = Charging(set_v, total_f, leak_s, drive)
     while u_v < level_v and total_f > 0.0:
-        regime = charging_regime(u_v, set_v, total_f, leak_s, drive)
+        regime = charging.regime(u_v)
         stop_v = level_v if math.isnan(regime.until_v) else min(level_v, regime.until_v)
         time_s += time_to_reach_s(u_v, stop_v, regime)
         if math.isinf(time_s):

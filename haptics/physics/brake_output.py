@@ -13,10 +13,8 @@ from dataclasses import dataclass
 from haptics.errors import InputError
 from haptics.physics.brake_drive import (
     DRIVE,
+    Charging,
     DriveParameters,
-    Regime,
-    charge,
-    charging_regime,
     clamp_time_s,
 )
 from haptics.units import in_range, one_of
@@ -55,13 +53,13 @@ class OutputStage:
         self._mask = 0
         self._connected: list[Output] = []
         self._shorted = self._outputs
-        self._total_f, self._leak_s = self._load()
         self._set_v = 0.0
         self._frequency_hz = 0.0
         self._polarity = 1
         self._bridge_v = 0.0  # on the connected outputs and the stray capacitance, signed
         self._charging_from_s = math.inf
         self._reversal_s = math.inf
+        self._load = self._present_load()
         self.stuck = False
         """Fault: the bridge misses its reversals."""
         self.charge_c = 0.0
@@ -89,6 +87,7 @@ class OutputStage:
         if mask != self._mask:
             self._connect(mask)
         self._set_v = volts if mask else 0.0
+        self._load = self._present_load()
         if not mask:
             self._charging_from_s = self._reversal_s = math.inf
         elif not running or frequency_hz != self._frequency_hz:
@@ -148,7 +147,7 @@ class OutputStage:
             return 0.0
         if not self._charging:
             return self._set_v / self._drive.bleeder_ohm
-        supply = self._regime().supply
+        supply = self._load.regime(self._bridge_v * self._polarity).supply
         if supply == "current":
             return self._drive.supply_current_a
         # Blocked: the load holds the bus up.
@@ -188,7 +187,7 @@ class OutputStage:
             o.capacitance_f = in_range("capacitance_f", capacitance_f, 0.0, 1e-3, "F")
         if leak_ohm is not None:
             o.leak_ohm = math.inf if leak_ohm == math.inf else in_range("leak_ohm", leak_ohm, 1.0, math.inf, "ohm")
-        self._total_f, self._leak_s = self._load()
+        self._load = self._present_load()
 
     @property
     def _charging(self) -> bool:
@@ -197,18 +196,17 @@ class OutputStage:
     def _next_event_s(self) -> float:
         return min(self._charging_from_s, self._reversal_s) if self._charging_from_s > self._now_s else self._reversal_s
 
-    def _load(self) -> tuple[float, float]:
-        """Capacitance and leak conductance on the bridge."""
+    def _present_load(self) -> Charging:
+        """The supply on what hangs on the bridge."""
         # Without any capacitance the voltage would jump; a picofarad keeps the equations regular.
         total_f = max(self._drive.stray_f + sum(o.capacitance_f for o in self._connected), 1e-12)
-        return total_f, sum(1.0 / o.leak_ohm for o in self._connected)
-
-    def _regime(self) -> Regime:
-        return charging_regime(self._bridge_v * self._polarity, self._set_v, self._total_f, self._leak_s, self._drive)
+        leak_s = sum(1.0 / o.leak_ohm for o in self._connected)
+        return Charging(self._set_v, total_f, leak_s, self._drive, self._stiff)
 
     def _current_into_bridge_a(self) -> float:
-        u_v, regime = self._bridge_v * self._polarity, self._regime()
-        return self._total_f * (regime.target_v - u_v) / regime.tau_s + u_v * self._leak_s
+        load, u_v = self._load, self._bridge_v * self._polarity
+        regime = load.regime(u_v)
+        return load.capacitance_f * (regime.target_v - u_v) / regime.tau_s + u_v * load.leak_s
 
     def _connect(self, mask: int) -> None:
         """Put the outputs in ``mask`` in parallel (charge is shared at once); the others keep their voltage and are shorted."""
@@ -217,9 +215,8 @@ class OutputStage:
         self._mask = mask
         group = self._connected = [o for k, o in enumerate(self._outputs) if mask >> k & 1]
         self._shorted = [o for k, o in enumerate(self._outputs) if not mask >> k & 1]
-        self._total_f, self._leak_s = self._load()
         charge_c = self._drive.stray_f * self._bridge_v + sum(o.capacitance_f * o.volts for o in group)
-        self._bridge_v = charge_c / self._total_f if group else 0.0
+        self._bridge_v = charge_c / self._present_load().capacitance_f if group else 0.0
         for o in group:
             o.volts, o.peak_v = self._bridge_v, abs(self._bridge_v)
 
@@ -243,17 +240,17 @@ class OutputStage:
             if o.volts != 0.0:
                 o.volts = o.volts * math.exp(-dt_s / (r * o.capacitance_f)) if o.capacitance_f else 0.0
         if self._mask:
+            load = self._load
             if self._charging:
-                u_v = self._bridge_v * self._polarity
-                done = charge(u_v, self._set_v, dt_s, self._total_f, self._leak_s, self._drive, self._stiff)
-                self._bridge_v, taken_c, taken_j = done.u_v * self._polarity, done.charge_c, done.energy_j
+                u_v, taken_c, taken_j = load.charge(self._bridge_v * self._polarity, dt_s)
+                self._bridge_v = u_v * self._polarity
             else:
-                self._bridge_v *= math.exp(-dt_s * (1.0 / r + self._leak_s) / self._total_f)
+                self._bridge_v *= math.exp(-dt_s * (1.0 / r + load.leak_s) / load.capacitance_f)
                 taken_c = self._set_v / self._drive.bleeder_ohm * dt_s
                 taken_j = self._set_v * taken_c
             self.charge_c += taken_c
             self.energy_j += taken_j
             for o in self._connected:
                 o.volts = self._bridge_v
-                o.energy_j += taken_j * o.capacitance_f / self._total_f
+                o.energy_j += taken_j * o.capacitance_f / load.capacitance_f
         self._now_s = to_s

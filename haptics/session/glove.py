@@ -231,6 +231,7 @@ class Glove:
         :raises CommandRefused: a board would not arm; everything is off then.
         :raises LimitError: a board did not reach its armed state.
         """
+        self.telemetry.clear()  # what a board said before it was armed says nothing about now
         try:
             pendings = [link.arm(self.now_ns()) for link in self.links.values()]
             for link, pending in zip(self.links.values(), pendings, strict=True):

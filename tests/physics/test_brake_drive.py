@@ -8,7 +8,7 @@ import pytest
 from haptics.errors import InputError
 from haptics.physics.brake_drive import (
     DRIVE,
-    charge,
+    Charging,
     discharge_time_s,
     eq44_power_w,
     greatest_frequency_hz,
@@ -58,7 +58,7 @@ def stepped(u_v, set_v, dt_s, c, leak_s, drive, steps=200_000):
 )
 def test_the_closed_form_agrees_with_small_steps(start_v, set_v, dt_s, leak_s, bleeder):
     drive = DRIVE.with_values(bleeder_ohm=bleeder)
-    done = charge(start_v, set_v, dt_s, C + DRIVE.stray_f, leak_s, drive)
+    done = Charging(set_v, C + DRIVE.stray_f, leak_s, drive).charge(start_v, dt_s)
     u, q, e = stepped(start_v, set_v, dt_s, C + DRIVE.stray_f, leak_s, drive)
     assert done.u_v == pytest.approx(u, rel=1e-4, abs=1e-3)  # explicit Euler, h/tau = 2e-3
     assert done.charge_c == pytest.approx(q, rel=1e-3, abs=1e-12)
@@ -66,9 +66,10 @@ def test_the_closed_form_agrees_with_small_steps(start_v, set_v, dt_s, leak_s, b
 
 
 def test_two_pieces_are_one():
-    whole = charge(0.0, 1500.0, 20e-3, C, 1e-7, DRIVE)
-    first = charge(0.0, 1500.0, 7.3e-3, C, 1e-7, DRIVE)
-    second = charge(first.u_v, 1500.0, 12.7e-3, C, 1e-7, DRIVE)
+    charging = Charging(1500.0, C, 1e-7)
+    whole = charging.charge(0.0, 20e-3)
+    first = charging.charge(0.0, 7.3e-3)
+    second = charging.charge(first.u_v, 12.7e-3)
     assert second.u_v == pytest.approx(whole.u_v, rel=1e-12)
     assert first.energy_j + second.energy_j == pytest.approx(whole.energy_j, rel=1e-11)
 
