@@ -23,6 +23,8 @@ from haptics.physics.thermal import (
 )
 from haptics.units import in_range
 
+MINUTES_MAX = 10_080.0
+"""A week: admission is walked run by run, and nothing about an actuator changes after a few time constants."""
 GUARD = 1e-12
 """Relative slack on a limit: rounding in the closed forms is below it, any physical meaning far above."""
 
@@ -72,7 +74,7 @@ def predict_thermal(
 
     :param rate_per_min: switches a minute, each of ``power_w * pulse_s``; or None, and ``burst_s`` with ``every_s`` given.
     :param burst_s: length of each burst; its energy is ``burst_energy_j(burst_s, burst_hz)``.
-    :param limit_k: limit of the rise for admission, > 0. :param minutes: rise and counts after this time, not for ever.
+    :param limit_k: limit of the rise for admission, > 0. :param minutes: rise and counts after this time (at most a week), not for ever.
     :raises InputError: neither or both kinds of train, or a number outside its range.
     """
     bursts = None if burst_s is None or every_s is None else (burst_s, every_s)
@@ -86,7 +88,7 @@ def predict_thermal(
         spacing_s = in_range("every_s", bursts[1], max(bursts[0], 1e-9), math.inf, "s")
         energy_j = burst_energy_j(bursts[0], burst_hz, power_w=power_w)
     jump_k = pulse_rise_k(energy_j, parameters)
-    after_s = None if minutes is None else 60.0 * in_range("minutes", minutes, 0.0, math.inf, "min")
+    after_s = None if minutes is None else 60.0 * in_range("minutes", minutes, 0.0, MINUTES_MAX, "min")
     asked = None if after_s is None else math.floor(after_s / spacing_s * (1 + GUARD)) + 1
     peak_k, mean_k, trough_k = train_rise_k(jump_k, spacing_s, None if asked is None else asked - 1, start_rise_k, parameters)
     denied = admitted = fastest = None

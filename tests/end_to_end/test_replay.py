@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 from pathlib import Path
 
@@ -83,6 +84,26 @@ def test_a_pose_that_no_hand_can_make_is_refused_by_its_number(haptics, copy, pl
     assert done.code == 2
     assert "copy.h5: pose 100" in done.err
     assert word in done.err
+
+
+def test_a_run_in_real_time_cannot_be_had_again_and_says_so(haptics, copy):
+    with h5py.File(copy, "r+") as file:
+        provenance = file["entry/provenance"]
+        header = json.loads(provenance["header"][()])
+        del provenance["header"]
+        provenance["header"] = json.dumps({**header, "realtime": True})
+    done = haptics("replay", copy)
+    assert done.code == 2
+    assert "real time" in done.err
+
+
+def test_what_a_recording_holds_is_told(haptics, recorded):
+    told = haptics("recording", "info", recorded, "--json").json
+    assert told["header"]["scene"] == SCENE
+    assert told["header"]["seed"] == 5
+    with h5py.File(recorded) as file:
+        assert told["rows"] == {name: len(file["entry"][name]["time_ns"]) for name in told["rows"]}
+    assert min(told["rows"][name] for name in ("poses", "ticks", "events", "wire", "requests")) > 0
 
 
 def test_what_is_no_recording_of_a_run_is_refused(haptics, copy):
