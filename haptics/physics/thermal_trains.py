@@ -74,7 +74,8 @@ def predict_thermal(
 
     :param rate_per_min: switches a minute, each of ``power_w * pulse_s``; or None, and ``burst_s`` with ``every_s`` given.
     :param burst_s: length of each burst; its energy is ``burst_energy_j(burst_s, burst_hz)``.
-    :param limit_k: limit of the rise for admission, > 0. :param minutes: rise and counts after this time (at most a week), not for ever.
+    :param limit_k: limit of the rise for admission, > 0.
+    :param minutes: rise and counts after this time (at most a week), not for ever.
     :raises InputError: neither or both kinds of train, or a number outside its range.
     """
     bursts = None if burst_s is None or every_s is None else (burst_s, every_s)
