@@ -25,7 +25,7 @@ from haptics.physics.latch_kernel import (
     kernel_parameters,
 )
 from haptics.physics.latch_parameters import LATCH, LatchParameters
-from haptics.physics.latch_plant import Latched, LatchEvent
+from haptics.physics.latch_plant import Latched, LatchEvent, checked_resistance, latched_at
 from haptics.units import in_range
 
 STEP_S = 20e-6
@@ -51,7 +51,7 @@ class DynamicLatch:
             raise InputError(f"latched = {latched!r} is not allowed; allowed: on, off (an actuator cannot rest in between)")
         self.rise_k = 0.0
         self._step_s = in_range("step_s", step_s, 1e-6, 1e-3, "s")
-        self._compiled = compiled
+        self._compiled, self._integrate = compiled, kernel(compiled)
         self._parameters = parameters
         self._packed = kernel_parameters(parameters)
         self._events: deque[LatchEvent] = deque()
@@ -69,9 +69,7 @@ class DynamicLatch:
 
     def drive(self, time_s: float, volts: float) -> None:
         volts = in_range("volts", volts, -1e3, 1e3, "V")
-        resistance = self._parameters.resistance_ohm * (1.0 + self._parameters.resistance_per_k * self.rise_k)
-        if resistance <= 0:
-            raise InputError(f"rise_k = {self.rise_k:g} K makes the coil's resistance {resistance:g} ohm; it must stay positive")
+        resistance = checked_resistance(self._parameters, self.rise_k)
         self._commit(time_s)
         self._resting = self._resting and volts == self._volts and resistance == self._resistance
         self._volts, self._resistance = volts, resistance
@@ -83,7 +81,7 @@ class DynamicLatch:
         self._resting = False
 
     def advance(self, to_s: float) -> None:
-        if to_s < self._now_s:
+        if not to_s >= self._now_s:
             raise InputError(f"to_s = {to_s!r} s lies before the actuator's {self._now_s!r} s; time only moves forward")
         self._now_s = to_s
         self._peeked = None
@@ -120,11 +118,12 @@ class DynamicLatch:
         return self._resting
 
     @property
+    def outside(self) -> tuple[str, ...]:
+        return ()
+
+    @property
     def latched(self) -> Latched:
-        x = self.position_m
-        if x > self._parameters.stroke_m - self._parameters.near_stop_m:
-            return "on"
-        return "off" if x < self._parameters.near_stop_m else "between"
+        return latched_at(self.position_m, self._parameters)
 
     def _commit(self, time_s: float) -> None:
         """Bring the committed state to exactly ``time_s`` and count time from there."""
@@ -143,15 +142,19 @@ class DynamicLatch:
         return self._parameters.near_stop_m if self._touch_off else -1.0
 
     def _run(self, end: float, whole: bool) -> None:
-        step = kernel(self._compiled)
         while not self._resting:
-            self._x, self._v, self._i, self._touching, self._t, why, self._charge = step(
-                self._x, self._v, self._i, self._touching, self._t, end, self._step_s, whole,
-                self._volts, self._resistance, self._marker(), self._charge, self._packed,
-            )  # fmt: skip
+            why = self._step(end, whole, self._marker())
             if why == REACHED_END:
                 return
             self._tell(why)
+
+    def _step(self, end: float, whole: bool, marker: float) -> int:
+        """Carry the state toward ``end`` until there is something to tell, and say what."""
+        self._x, self._v, self._i, self._touching, self._t, why, self._charge = self._integrate(
+            self._x, self._v, self._i, self._touching, self._t, end, self._step_s, whole,
+            self._volts, self._resistance, marker, self._charge, self._packed,
+        )  # fmt: skip
+        return why
 
     def _tell(self, why: int) -> None:
         time_s = self._origin_s + self._t
@@ -174,15 +177,13 @@ class DynamicLatch:
     def _peek(self) -> tuple[float, float, float, float]:
         """Position, speed, current and charge now: one cut step beyond the committed state, which stays."""
         if self._peeked is None:
-            x, v, i, touching, t, charge = self._x, self._v, self._i, self._touching, self._t, self._charge
+            committed = self._x, self._v, self._i, self._touching, self._t, self._charge
             end = self._now_s - self._origin_s
             why = RESTING if self._resting else REACHED_ON
             while why not in (REACHED_END, RESTING):
-                x, v, i, touching, t, why, charge = kernel(self._compiled)(
-                    x, v, i, touching, t, end, self._step_s, False, self._volts, self._resistance, -1.0, charge, self._packed
-                )
-            charge += self._volts / self._resistance * (end - t)
-            self._peeked = (x, v, i, charge)
+                why = self._step(end, False, -1.0)
+            self._peeked = (self._x, self._v, self._i, self._charge + self._volts / self._resistance * (end - self._t))
+            self._x, self._v, self._i, self._touching, self._t, self._charge = committed
         return self._peeked
 
     def _settle(self) -> None:
@@ -205,3 +206,5 @@ class DynamicLatch:
                 force -= p.skin_stiffness_n_m * (x - p.skin_at_m)
                 slope -= p.skin_stiffness_n_m
             self._x -= force / slope
+            if abs(force) < 1e-13 * abs(slope):
+                return

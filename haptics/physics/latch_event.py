@@ -5,9 +5,10 @@ the voltage that gives a coil at nominal temperature the same current. Without v
 between the two plates exponentially, ``u - u_c ~ exp(t/escape)``, to whichever side it is on; ``u_c`` is where the shortest
 pulse that switches leaves it. Energy is ``V^2 t / R(T)``.
 
-The constants are those of level ``dynamic`` for ``LatchParameters()``, fitted over 3.75 to 5.5 V; the tests fit them again.
-Position is linear in time here, so only arrivals, states and energies mean anything; a reversal in flight is right in
-kind, not in shape. Skin is not felt at this level.
+The constants are fitted to the equation of motion over ``FITTED_V``: for ``LatchParameters()`` they stand here and the tests
+fit them again, for other parameters ``latch_event_fit`` makes them when needed. Position is linear in time here, so only
+arrivals, states and energies mean anything. What this level does not know it says in ``outside``: other voltages, a skin under
+the pin, and a pulse back in flight that ends before the pin has arrived.
 """
 
 from __future__ import annotations
@@ -17,10 +18,12 @@ from dataclasses import dataclass
 
 from haptics.errors import InputError
 from haptics.physics.latch_parameters import LATCH, NOMINAL_VOLTS, LatchParameters
-from haptics.physics.latch_plant import Latched, LatchEvent
+from haptics.physics.latch_plant import Latched, LatchEvent, checked_resistance, latched_at
 from haptics.physics.parameters import Parameters, parameter
 from haptics.units import in_range
 
+FITTED_V = (3.75, 5.5)
+"""Voltages, at nominal resistance, over which the constants are fitted."""
 _FROM = "level dynamic, 3.75 to 5.5 V"
 
 
@@ -67,6 +70,26 @@ class TravelTable(Parameters):
 TRAVEL = TravelTable()
 
 
+def travel_table(parameters: LatchParameters) -> TravelTable:
+    """The constants of a parameter set.
+
+    :raises InputError: see ``latch_event_fit.fit_travel``.
+    """
+    same = {"resistance_ohm", "resistance_per_k", "near_stop_m", "skin_stiffness_n_m", "skin_at_m"}
+    nominal = parameters.with_values(**{name: getattr(LATCH, name) for name in same})
+    if nominal == LATCH:
+        return TRAVEL
+    from haptics.physics.latch_event_fit import fit_travel
+
+    return fit_travel(nominal)
+
+
+def outside_volts(effective_v: float) -> str:
+    """The words for a voltage that the constants were not fitted for."""
+    low, high = FITTED_V
+    return f"{effective_v:.3g} V at nominal resistance is outside the {low:g} to {high:g} V that level event is fitted over"
+
+
 def _scaled(at_nominal_s: float, zero_v: float, power: float, volts: float, least_v: float) -> float:
     if volts <= max(least_v, zero_v):
         return math.inf
@@ -76,20 +99,15 @@ def _scaled(at_nominal_s: float, zero_v: float, power: float, volts: float, leas
 class EventLatch:
     """One actuator at level ``event``; see ``LatchPlant`` for the meaning of every member.
 
-    :param parameters: stroke, resistance and its slope, and ``near_stop_m`` are used. :param table: travel and thresholds.
+    :raises InputError: a state it cannot rest in, or parameters with which it does not switch all over ``FITTED_V``.
     """
 
-    def __init__(
-        self,
-        parameters: LatchParameters = LATCH,
-        latched: Latched = "off",
-        start_s: float = 0.0,
-        table: TravelTable = TRAVEL,
-    ):
+    def __init__(self, parameters: LatchParameters = LATCH, latched: Latched = "off", start_s: float = 0.0):
         if latched not in ("on", "off"):
             raise InputError(f"latched = {latched!r} is not allowed; allowed: on, off (an actuator cannot rest in between)")
         self.rise_k = 0.0
-        self._parameters, self._table = parameters, table
+        self._parameters, self._table = parameters, travel_table(parameters)
+        table = self._table
         self._events: list[LatchEvent] = []
         self._now_s = self._since_s = float(start_s)
         self._volts, self._resistance = 0.0, parameters.resistance_ohm
@@ -100,20 +118,26 @@ class EventLatch:
         self._coasting = False
         self._arrival_s = self._leave_s = math.inf
         self._touching_skin = latched == "on"
+        self._changed_in_flight = False
+        self._outside: dict[str, None] = {}
 
     def drive(self, time_s: float, volts: float) -> None:
         volts = in_range("volts", volts, -1e3, 1e3, "V")
-        resistance = self._parameters.resistance_ohm * (1.0 + self._parameters.resistance_per_k * self.rise_k)
-        if resistance <= 0:
-            raise InputError(f"rise_k = {self.rise_k:g} K makes the coil's resistance {resistance:g} ohm; it must stay positive")
+        resistance = checked_resistance(self._parameters, self.rise_k)
         self.advance(time_s)
         u = self._progress()
+        flying = 0.0 < u < 1.0
+        if flying and self._changed_in_flight and self._speed != 0.0:
+            self._outside["a pulse back in flight ended before the pin had arrived"] = None
+        self._changed_in_flight = flying and volts != 0.0 and volts * self._volts <= 0.0
         self._energy_j = self.energy_j
         self._since_s, self._from, self._volts, self._resistance = time_s, u, volts, resistance
         self._speed, self._coasting, self._arrival_s, self._leave_s = 0.0, False, math.inf, math.inf
         toward_on = volts > 0
         effective_v = abs(volts) * self._parameters.resistance_ohm / resistance
         travel_s = self._table.travel_s(toward_on, effective_v)
+        if math.isfinite(travel_s) and not FITTED_V[0] <= effective_v * (1 + 1e-9) <= FITTED_V[1] * (1 + 2e-9):
+            self._outside[outside_volts(effective_v)] = None
         if volts != 0.0 and math.isfinite(travel_s):
             left = 1.0 - u if toward_on else u
             if left > 0.0:
@@ -136,9 +160,11 @@ class EventLatch:
     def load_skin(self, time_s: float, stiffness_n_m: float, at_m: float) -> None:
         self._parameters = self._parameters.with_values(skin_stiffness_n_m=stiffness_n_m, skin_at_m=at_m)
         self.advance(time_s)
+        if stiffness_n_m:
+            self._outside["a skin under the pin is not felt"] = None
 
     def advance(self, to_s: float) -> None:
-        if to_s < self._now_s:
+        if not to_s >= self._now_s:
             raise InputError(f"to_s = {to_s!r} s lies before the actuator's {self._now_s!r} s; time only moves forward")
         self._now_s = to_s
         if self._leave_s <= to_s:
@@ -156,6 +182,10 @@ class EventLatch:
     def take_events(self) -> list[LatchEvent]:
         events, self._events = self._events, []
         return events
+
+    @property
+    def outside(self) -> tuple[str, ...]:
+        return tuple(self._outside)
 
     @property
     def parameters(self) -> LatchParameters:
@@ -185,10 +215,7 @@ class EventLatch:
 
     @property
     def latched(self) -> Latched:
-        x = self.position_m
-        if x > self._parameters.stroke_m - self._parameters.near_stop_m:
-            return "on"
-        return "off" if x < self._parameters.near_stop_m else "between"
+        return latched_at(self.position_m, self._parameters)
 
     def _target(self) -> float:
         rising = self._from > self._watershed if self._coasting else self._speed > 0

@@ -237,10 +237,15 @@ def kernel_parameters(p: LatchParameters) -> tuple[float, ...]:
 
 @cache
 def kernel(compiled: bool = True) -> Callable[..., tuple[float, float, float, int, float, int, float]]:
-    """``integrate``, compiled by numba (imported here, when first needed) or as it stands."""
-    if not compiled:
-        return integrate
-    import numba
+    """``integrate``, compiled or as it stands."""
+    return maybe_compiled(integrate) if compiled else integrate
 
+
+def maybe_compiled(function: Callable[..., Any]) -> Callable[..., Any]:
+    """``function`` compiled by numba (imported here, when first needed), or as it stands where numba is not installed."""
+    try:
+        import numba
+    except ImportError:
+        return function
     jit: Any = numba.njit(cache=True)
-    return jit(integrate)
+    return jit(function)

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Literal, Protocol
+
+from haptics.errors import InputError
+from haptics.physics.latch_parameters import LatchParameters
 
 Latched = Literal["on", "off", "between"]
 EventKind = Literal["reached_skin", "left_skin", "reached_off"]
@@ -70,4 +74,27 @@ class LatchPlant(Protocol):
     def at_rest(self) -> bool: ...
 
     @property
+    def outside(self) -> tuple[str, ...]:
+        """What was asked of the actuator that its level does not answer for; empty if nothing."""
+        ...
+
+    @property
     def latched(self) -> Latched: ...
+
+
+def checked_resistance(parameters: LatchParameters, rise_k: float) -> float:
+    """Resistance (ohm) of a coil that is ``rise_k`` above the room, ``R0 (1 + alpha rise)``.
+
+    :raises InputError: it would not be positive.
+    """
+    resistance = parameters.resistance_ohm * (1.0 + parameters.resistance_per_k * rise_k)
+    if not 0.0 < resistance < math.inf:
+        raise InputError(f"rise_k = {rise_k:g} K makes the coil's resistance {resistance:g} ohm; it must stay positive")
+    return resistance
+
+
+def latched_at(position_m: float, parameters: LatchParameters) -> Latched:
+    """The stop that a pin at this position is latched to: closer than ``near_stop_m``."""
+    if position_m > parameters.stroke_m - parameters.near_stop_m:
+        return "on"
+    return "off" if position_m < parameters.near_stop_m else "between"

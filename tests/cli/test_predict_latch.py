@@ -63,7 +63,7 @@ def test_both_levels_answer_alike_for_the_stated_drive(answer, level):
     [
         (("--pulse-ms", -1), "pulse_s"),
         (("--pulse-ms", "nan"), "pulse_s"),
-        (("--pulse-ms", 500), "pulse_s"),
+        (("--pulse-ms", 20_000), "pulse_s"),
         (("--volts", -5), "volts"),
         (("--direction", "up"), "direction"),
         (("--level", "exact"), "level"),
