@@ -17,6 +17,7 @@ from haptics.errors import InputError
 from haptics.link.messages import COIL_CHANNELS
 from haptics.physics.latch import LEVELS, latch_plant
 from haptics.physics.latch_parameters import LATCH, NOMINAL_VOLTS
+from haptics.physics.latch_plant import Latched
 from haptics.physics.parameters import provenance
 from haptics.physics.thermal import THERMAL, relax
 from haptics.units import in_range
@@ -28,6 +29,9 @@ _THERMAL_ROWS = [row for row in provenance(THERMAL) if "sd" not in row.name.spli
 
 PLANT_OPTIONS: dict[str, Option] = {
     "level": Option("dynamic", "model of the latch", choices=tuple(LEVELS)),
+    "fitted": Option(
+        (1 << COIL_CHANNELS) - 1, "channels that have an actuator, as a bit mask", "", 0, (1 << COIL_CHANNELS) - 1, whole=True
+    ),
     "supply_v": Option(NOMINAL_VOLTS, "coil supply without load", "V", 0.0, NOMINAL_VOLTS),
     "supply_ohm": Option(0.0, "resistance all coils share", "ohm", 0.0, 10.0),
     **{
@@ -66,14 +70,20 @@ class Actuators:
         self.rise_k = [0.0] * COIL_CHANNELS
         self.switches = [0] * COIL_CHANNELS
         self.events: deque[tuple[int, int, str, float]] = deque(maxlen=_EVENTS_KEPT)
-        self._plants = [latch_plant(options["level"], parameters) for parameters in self.latches]
+        self._plants = {
+            channel: latch_plant(options["level"], self.latches[channel])
+            for channel in range(COIL_CHANNELS)
+            if options["fitted"] >> channel & 1
+        }
         _warm_up(options["level"])
         self._start_ns = start_ns
         self._awake: set[int] = set()  # driven or touched at least once; the others are cold and still, and time passes them by
         self._settled_ns = [start_ns] * COIL_CHANNELS
-        self._energy_j = [plant.energy_j for plant in self._plants]
-        self._position_m = [plant.position_m for plant in self._plants]
-        self._latched = [plant.latched for plant in self._plants]
+        self._energy_j = [0.0] * COIL_CHANNELS
+        self._position_m = [0.0] * COIL_CHANNELS
+        self._latched: list[Latched] = ["off"] * COIL_CHANNELS
+        for channel, plant in self._plants.items():
+            self._position_m[channel] = plant.position_m
         self._last_stop = ["reached_off"] * COIL_CHANNELS
         self._signs = [0] * COIL_CHANNELS
 
@@ -95,10 +105,10 @@ class Actuators:
     def switch(self, changes: Mapping[int, int], now_ns: int) -> None:
         """Put coils on toward the skin (1), back (-1), or off (0); the others feel it through the supply."""
         for channel, sign in changes.items():
-            self._signs[channel] = sign
+            self._signs[channel] = sign if channel in self._plants else 0
         volts = self.volts
         for channel, sign in enumerate(self._signs):
-            if channel in changes or (sign and self.supply_ohm > 0.0):
+            if channel in self._plants and (channel in changes or (sign and self.supply_ohm > 0.0)):
                 self._wake(channel, now_ns)
                 self._plants[channel].rise_k = self.rise_k[channel]
                 self._plants[channel].drive((now_ns - self._start_ns) / 1e9, sign * volts)
@@ -112,6 +122,8 @@ class Actuators:
         unknown = set(load) - {"stiffness_n_m", "at_m"}
         if unknown:
             raise InputError(f"load {', '.join(sorted(unknown))} is unknown to an actuator; allowed: stiffness_n_m, at_m")
+        if channel not in self._plants:
+            raise InputError(f"channel = {channel} has no actuator; allowed: {', '.join(map(str, sorted(self._plants)))}")
         self._wake(channel, now_ns)
         at_m = load.get("at_m", self.latches[channel].skin_at_m)
         self._plants[channel].load_skin((now_ns - self._start_ns) / 1e9, load.get("stiffness_n_m", 0.0), at_m)
@@ -129,6 +141,8 @@ class Actuators:
             "energy_j": list(self._energy_j),
             "switches": list(self.switches),
             "coils_on": [sign != 0 for sign in self._signs],
+            "fitted": sorted(self._plants),
+            "outside": sorted({reason for plant in self._plants.values() for reason in plant.outside}),
             "supply_v": self.volts,
             "events": events,
         }

@@ -14,9 +14,9 @@ from functools import lru_cache
 
 from haptics.errors import InputError
 from haptics.physics.latch_dynamic import DynamicLatch
-from haptics.physics.latch_event import EventLatch, travel_table
+from haptics.physics.latch_event import EventLatch, effective_volts, travel_table
 from haptics.physics.latch_parameters import LATCH, LONGEST_PULSE_S, NOMINAL_VOLTS, LatchParameters
-from haptics.physics.latch_plant import Latched, LatchPlant
+from haptics.physics.latch_plant import Latched, LatchPlant, checked_resistance
 from haptics.units import in_range, one_of
 
 LEVELS: tuple[str, ...] = ("event", "table", "dynamic", "reference")
@@ -144,7 +144,7 @@ def least_pulse_s(
     """
     _check(volts, direction, rise_k, level)
     if level == "event":
-        effective_v = volts / (1.0 + parameters.resistance_per_k * rise_k)
+        effective_v = effective_volts(volts, checked_resistance(parameters, rise_k))
         least_s = travel_table(parameters).least_s(direction == "off-on", effective_v)
         return least_s if least_s <= _SEARCH_S else math.inf
     if level == "reference":
@@ -180,7 +180,8 @@ def travel_s(
     """
     _check(volts, direction, rise_k, level)
     if level == "event":
-        return travel_table(parameters).travel_s(direction == "off-on", volts / (1.0 + parameters.resistance_per_k * rise_k))
+        effective_v = effective_volts(volts, checked_resistance(parameters, rise_k))
+        return travel_table(parameters).travel_s(direction == "off-on", effective_v)
     arrival_s = switch(_SEARCH_S, volts, direction, rise_k, level, parameters).arrival_s
     return math.inf if arrival_s is None else arrival_s
 

@@ -3,7 +3,7 @@
 Progress ``u`` runs from 0 (off) to 1 (on). Under voltage it moves at ``1/T`` with ``T = T5 ((5 - V0)/(V - V0))^q``, ``V`` being
 the voltage that gives a coil at nominal temperature the same current. Without voltage it leaves the watershed ``u_c``
 between the two plates exponentially, ``u - u_c ~ exp(t/escape)``, to whichever side it is on; ``u_c`` is where the shortest
-pulse that switches leaves it. Energy is ``V^2 t / R(T)``.
+pulse that switches leaves it. Current and energy are those of a coil whose pin does not move.
 
 The constants are fitted to the equation of motion over ``FITTED_V``: for ``LatchParameters()`` they stand here and the tests
 fit them again, for other parameters ``latch_event_fit`` makes them when needed. Position is linear in time here, so only
@@ -84,6 +84,11 @@ def travel_table(parameters: LatchParameters) -> TravelTable:
     return fit_travel(nominal)
 
 
+def effective_volts(volts: float, resistance_ohm: float) -> float:
+    """The voltage that gives a coil of nominal resistance the same current: what the constants are a function of."""
+    return volts * LATCH.resistance_ohm / resistance_ohm
+
+
 def outside_volts(effective_v: float) -> str:
     """The words for a voltage that the constants were not fitted for."""
     low, high = FITTED_V
@@ -111,7 +116,7 @@ class EventLatch:
         self._events: list[LatchEvent] = []
         self._now_s = self._since_s = float(start_s)
         self._volts, self._resistance = 0.0, parameters.resistance_ohm
-        self._energy_j = 0.0
+        self._energy_j = self._from_a = 0.0
         self._from = 1.0 if latched == "on" else 0.0
         self._watershed, self._escape_s = 0.5, table.on_escape_s
         self._speed = 0.0  # progress a second, under voltage
@@ -130,11 +135,11 @@ class EventLatch:
         if flying and self._changed_in_flight and self._speed != 0.0:
             self._outside["a pulse back in flight ended before the pin had arrived"] = None
         self._changed_in_flight = flying and volts != 0.0 and volts * self._volts <= 0.0
-        self._energy_j = self.energy_j
+        self._energy_j, self._from_a = self.energy_j, self.current_a
         self._since_s, self._from, self._volts, self._resistance = time_s, u, volts, resistance
         self._speed, self._coasting, self._arrival_s, self._leave_s = 0.0, False, math.inf, math.inf
         toward_on = volts > 0
-        effective_v = abs(volts) * self._parameters.resistance_ohm / resistance
+        effective_v = effective_volts(abs(volts), resistance)
         travel_s = self._table.travel_s(toward_on, effective_v)
         if math.isfinite(travel_s) and not FITTED_V[0] <= effective_v * (1 + 1e-9) <= FITTED_V[1] * (1 + 2e-9):
             self._outside[outside_volts(effective_v)] = None
@@ -173,9 +178,9 @@ class EventLatch:
         if self._arrival_s <= to_s:
             on = self._target() == 1.0
             if on and not self._touching_skin:
-                self._events.append(LatchEvent(self._arrival_s, "reached_skin", self._table.on_impact_m_s))
+                self._events.append(LatchEvent(self._arrival_s, "reached_skin", self._impact_m_s(on)))
             elif not on:
-                self._events.append(LatchEvent(self._arrival_s, "reached_off", -self._table.off_impact_m_s))
+                self._events.append(LatchEvent(self._arrival_s, "reached_off", -self._impact_m_s(on)))
             self._touching_skin = on
             self._from, self._speed, self._coasting, self._arrival_s = self._target(), 0.0, False, math.inf
 
@@ -203,11 +208,19 @@ class EventLatch:
 
     @property
     def current_a(self) -> float:
-        return self._volts / self._resistance
+        settled_a = self._volts / self._resistance
+        return settled_a + (self._from_a - settled_a) * math.exp(-(self._now_s - self._since_s) / self._coil_s)
 
     @property
     def energy_j(self) -> float:
-        return self._energy_j + self._volts**2 / self._resistance * (self._now_s - self._since_s)
+        elapsed_s, settled_a = self._now_s - self._since_s, self._volts / self._resistance
+        charge_c = settled_a * elapsed_s + (self._from_a - settled_a) * self._coil_s * -math.expm1(-elapsed_s / self._coil_s)
+        return self._energy_j + self._volts * charge_c
+
+    @property
+    def _coil_s(self) -> float:
+        """Time constant of the coil."""
+        return self._parameters.inductance_h / self._resistance
 
     @property
     def at_rest(self) -> bool:
@@ -216,6 +229,16 @@ class EventLatch:
     @property
     def latched(self) -> Latched:
         return latched_at(self.position_m, self._parameters)
+
+    def _impact_m_s(self, on: bool) -> float:
+        """A coasting pin meets a stop at the speed of its escape, a driven one the faster the sooner it comes."""
+        table, stroke_m = self._table, self._parameters.stroke_m
+        if self._coasting:
+            return (1.0 - self._watershed if on else self._watershed) / self._escape_s * stroke_m
+        at_nominal_m_s, at_nominal_s = (
+            (table.on_impact_m_s, table.on_travel_s) if on else (table.off_impact_m_s, table.off_travel_s)
+        )
+        return at_nominal_m_s * at_nominal_s * abs(self._speed)
 
     def _target(self) -> float:
         rising = self._from > self._watershed if self._coasting else self._speed > 0
