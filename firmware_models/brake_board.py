@@ -287,14 +287,15 @@ class BrakeBoard(FirmwareModel):
         )
 
     def truth(self) -> dict[str, Any]:
-        """Lists over outputs: ``volts`` (signed), ``amplitude_v, capacity_n, held_n, slipping, energy_j, piezo``; and
+        """Lists over outputs: ``volts`` (signed), ``amplitude_v, capacity_n, held_n, slipping, tension_n, slip_m, energy_j,
+        piezo``; and
         ``time_ns, supply_energy_j, supply_power_w, state``; ``events`` since the last call as ``(time_ns, channel, kind,
         value)``: driven (V), shorted, half_capacity (N), piezo_on, piezo_off.
         """
         return {**self.plant.truth(self.now_ns), "state": self.state}
 
     def set_load(self, channel: int, **load: float) -> None:
-        """``pull_n``, ``travel_m`` or ``leak_ohm``: see ``Brakes.load``."""
+        """``pull_n``, ``travel_m``, ``leak_ohm``, or ``hand_m`` and ``hand_m_s``: see ``Brakes.load``."""
         self.plant.load(channel, self.now_ns, **load)
         if self._drive is not None:
             self._guards.wake(self.now_ns)

@@ -1,4 +1,4 @@
-"""``haptics fidelity``: what a scene needs at which level, and how close in time touch is rendered."""
+"""``haptics fidelity``: what levels cost and err, what a scene needs at which level, and when touch is rendered."""
 
 from __future__ import annotations
 
@@ -7,30 +7,146 @@ from typing import Annotated
 
 import typer
 
-from haptics.cli.show import plain, print_json, print_table
+from haptics.cli.show import chosen_levels, plain, print_json, print_table, progress_unless
 
 app = typer.Typer(help="Levels of the models, and the loop's own error.", no_args_is_help=True)
 Json = Annotated[bool, typer.Option("--json", help="print one JSON object")]
 
 
+@app.command("measure")
+def measure(
+    shipped: Annotated[bool, typer.Option("--shipped", help="print what was measured for this version, on its machine")] = False,
+    quick: Annotated[bool, typer.Option("--quick", help="a fifth of the cases")] = False,
+    seed: Annotated[int, typer.Option(help="seed of the cases")] = 1,
+    out: Annotated[Path | None, typer.Option(help="also write the JSON to this file")] = None,
+    picture: Annotated[Path | None, typer.Option(help="also draw error against cost, PNG (extra `report`)")] = None,
+    force: Annotated[bool, typer.Option("--force", help="overwrite files that exist")] = False,
+    json: Json = False,
+) -> None:
+    """Run every level of every model against its reference: errors of what is noticed, and CPU time, on this machine."""
+    from json import dumps
+
+    from haptics.fidelity import measured
+    from haptics.recording.output import refuse_existing, replacing
+
+    for path in (out, picture):
+        if path is not None:
+            refuse_existing(path, force)
+    if shipped:
+        table = measured.shipped()
+    else:
+        from haptics.fidelity.measure import measure as run
+
+        table = run(quick, seed, progress_unless(json))
+    data = measured.to_json(table)
+    if out is not None:
+        with replacing(out, force) as partial:
+            partial.write_text(dumps(data, indent=1) + "\n", encoding="utf-8")
+    if picture is not None:
+        from haptics.fidelity.picture import draw
+
+        draw(table, picture, force)
+    if json:
+        print_json(data)
+        return
+    for model in dict.fromkeys(row.model for row in table.rows):
+        print_table(
+            f"{model}: errors against the reference (version {table.version})",
+            ("level", "observable", "cases", "n", "refused", "median", "95 %", "worst"),
+            (
+                (r.level, f"{r.observable}, {r.unit}", r.cases, r.n, r.refused, r.median, r.p95, r.worst)
+                for r in table.rows
+                if r.model == model and r.worst + r.refused > 0
+            ),
+        )
+    costs = {(r.model, r.level): r for r in table.rows}.values()
+    print_table(
+        f"CPU time on {', '.join(str(value) for value in table.machine.values())}",
+        ("model", "level", "us an event", *(f"s/s, {count}" for count in ("1", "15", "64", "1000"))),
+        ((r.model, r.level, r.cost_us_per_event, *r.cost_s_per_sim_s.values()) for r in costs),
+    )
+
+
 @app.command("plan")
 def plan(
     scene: Annotated[str, typer.Argument(help="a shipped scene's name or a scene file")],
+    tolerance_jnd: Annotated[float, typer.Option(help="error allowed, as a share of what is just noticed")] = 1 / 3,
+    budget: Annotated[float, typer.Option(help="CPU seconds a second that the models may take")] = 0.5,
+    level: Annotated[list[str] | None, typer.Option("--level", help="MODEL=LEVEL to take whatever it costs; repeat")] = None,
     json: Json = False,
 ) -> None:
     """Print which devices a scene needs, at which level, and why."""
     from haptics.fidelity import plan_scene
     from haptics.scene import load_scene
 
-    made = plan_scene(load_scene(scene))
+    made = plan_scene(load_scene(scene), tolerance_jnd, budget, chosen_levels(level))
     if json:
         print_json(made)
         return
     print_table(
-        f"plan for {made.scene}", ("device", "model", "level", "why"), ((r.device, r.model, r.level, r.why) for r in made.rows)
+        f"plan for {made.scene}, errors up to {made.tolerance:.3g} of what is just noticed",
+        ("device", "model", "level", "count", "observable", "error", "limit", "why"),
+        ((r.device, r.model, r.level, r.count, f"{r.observable} {r.unit}", r.error, r.limit, r.why) for r in made.rows),
     )
     if made.absent:
         print_table("absent", ("device", "why"), ((a.device, a.why) for a in made.absent))
+    if made.over_budget:
+        print(made.over_budget)
+
+
+@app.command("prove")
+def prove(
+    scene: Annotated[str, typer.Argument(help="a shipped scene's name or a scene file")],
+    hand: Annotated[str, typer.Option("--hand", help="a hand recording, or `synthetic`")] = "synthetic",
+    tolerance_jnd: Annotated[float, typer.Option(help="error allowed, as a share of what is just noticed")] = 1 / 3,
+    level: Annotated[list[str] | None, typer.Option("--level", help="MODEL=LEVEL of the planned run; repeat")] = None,
+    seed: Annotated[int, typer.Option(help="seed of the simulated boards")] = 1,
+    json: Json = False,
+) -> None:
+    """Play a hand through the planned run and through an all-reference run, and hold every difference against its tolerance."""
+    from haptics.session.configuration import Configuration
+    from haptics.session.proof import prove_plan
+    from haptics.session.run import RunOptions
+
+    options = RunOptions(seed=seed, tolerance_jnd=tolerance_jnd, levels=chosen_levels(level))
+    proof = prove_plan(scene, hand, Configuration(), options)
+    if json:
+        print_json({**plain(proof), "kept": proof.kept})
+    else:
+        levels = ", ".join(f"{model} {level}" for model, level in proof.levels.items())
+        cost = f"{proof.planned_cpu_s:.2g} s of CPU against {proof.reference_cpu_s:.3g} s"
+        print_table(
+            f"{proof.scene} with {proof.hand}: {levels} against all reference; {cost}",
+            ("observable", "unit", "compared", "worst", "limit", "kept"),
+            ((r.observable, r.unit, r.n, r.worst, r.limit, r.kept) for r in proof.rows),
+        )
+    if not proof.kept:
+        raise typer.Exit(1)
+
+
+@app.command("stress")
+def stress(
+    quick: Annotated[bool, typer.Option("--quick", help="fewer of each")] = False,
+    model: Annotated[
+        list[str] | None, typer.Option("--model", help="latch, thermal or brake; repeat for more; all by default")
+    ] = None,
+    seed: Annotated[int, typer.Option(help="seed of what is drawn")] = 1,
+    json: Json = False,
+) -> None:
+    """Try every level at its extremes: what was tried, the worst that came of it, and where it stops being valid."""
+    from haptics.fidelity.stress import stress as run
+
+    rows = run(quick, seed, progress_unless(json), model or None)
+    if json:
+        print_json({"rows": rows, "holds": all(row.holds for row in rows)})
+    else:
+        print_table(
+            "extremes",
+            ("model", "level", "extreme", "tried", "refused", "worst", "unit", "bound", "holds", "where it ends"),
+            ((r.model, r.level, r.extreme, r.tried, r.refused, r.worst, r.unit, r.bound, r.holds, r.limit) for r in rows),
+        )
+    if not all(row.holds for row in rows):
+        raise typer.Exit(1)
 
 
 @app.command("onset")

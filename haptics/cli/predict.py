@@ -6,13 +6,16 @@ exits 2.
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from haptics.cli.show import plain, print_json, print_pairs
+from haptics.cli.show import plain, print_json, print_pairs, print_table
 
-app = typer.Typer(help="Calculators for heat, latch and brake.", no_args_is_help=True)
+if TYPE_CHECKING:
+    from haptics.physics.brake_law_choice import LawEvidence
+
+app = typer.Typer(help="Calculators for heat, latch, recoil and brake.", no_args_is_help=True)
 Json = Annotated[bool, typer.Option("--json", help="print one JSON object")]
 
 
@@ -78,11 +81,13 @@ def brake(
     thickness_um: Annotated[float, typer.Option(help="dielectric, µm")] = 13.0,
     hz: Annotated[float, typer.Option(help="frequency of the bipolar square wave, Hz")] = 20.0,
     law: Annotated[str, typer.Option(help="force law: threshold, ideal or closing_gap")] = "threshold",
+    level: Annotated[str, typer.Option(help="of the pull: static, lagged, dynamic or reference")] = "lagged",
     json: Json = False,
 ) -> None:
     """Force, charge, power and response of an electrostatic brake (thesis 4.4, 4.7)."""
     from haptics.errors import InputError
     from haptics.physics.brake_predict import predict_brake, predict_volts
+    from haptics.physics.brake_pull import predicted_pull
 
     if (volts is None) == (force_n is None):
         raise InputError(f"volts = {volts}, force_n = {force_n}; allowed: exactly one of --volts and --force-n")
@@ -95,7 +100,54 @@ def brake(
         "law": law,
     }
     prediction = predict_brake(volts, **geometry) if volts is not None else predict_volts(force_n or 0.0, **geometry)
-    _answer("electrostatic brake", plain(prediction), json)
+    _answer("electrostatic brake", plain(prediction) | plain(predicted_pull(prediction, level)), json)
+
+
+@app.command("recoil")
+def recoil(
+    surface: Annotated[str, typer.Option(help="what the magnet lands on: bare, silicone or foam")] = "foam",
+    relative_speed: Annotated[float, typer.Option(help="impact speed over the nominal one")] = 1.0,
+    length_ms: Annotated[float, typer.Option(help="length of the sampled envelope, ms")] = 10.0,
+    sample_hz: Annotated[float, typer.Option(help="sampling rate, Hz")] = 3200.0,
+    json: Json = False,
+) -> None:
+    """Envelope of the vibration when a pin latches off (thesis 3.5.1)."""
+    from haptics.physics.recoil import predict_recoil
+
+    _answer("recoil", plain(predict_recoil(surface, relative_speed, length_ms / 1e3, sample_hz)), json)
+
+
+@app.command("laws")
+def laws(finger: Annotated[str, typer.Option(help="whose points: index or thumb")] = "index", json: Json = False) -> None:
+    """Fits of the brake's force laws to the published points, what each is worth, and which is the default (thesis 4.7, 4.8)."""
+    from haptics.physics.brake_law_choice import SIMPLEST_FIRST, compare_laws, law_evidence
+
+    evidence, comparison = [law_evidence(law, finger) for law in SIMPLEST_FIRST], compare_laws()
+    if json:
+        print_json({"finger": finger, "laws": evidence, "comparison": comparison})
+        return
+    for one in evidence:
+        print_pairs(f"{one.law}{' (default)' if one.default else ''}, {finger}", _summary(one))
+        head = ("V", "measured, N", "residual, N", "residual, sd", "left out: error, N", "left out: error, sd", "note")
+        rows = [
+            (at.volts, at.measured_n, at.residual_n, at.residual_sigma, out.error_n, out.error_sigma, out.note)
+            for at, out in zip(one.points, one.left_out, strict=True)
+        ]
+        print_table("published points", head, rows)
+    print(comparison.why)
+
+
+def _summary(one: LawEvidence) -> dict[str, Any]:
+    """One law's fit without its points, as pairs for a person."""
+    fitted = {name: f"{value:.5g} ± {sd:.2g}" for name, value, sd in zip(one.names, one.values, one.sds, strict=True)}
+    covariance = {f"covariance, row {row + 1}": values for row, values in enumerate(one.covariance)}
+    keys = ("chi2", "degrees_of_freedom", "reduced_chi2", "p_value", "left_out_rms_n", "left_out_rms_sigma", "shipped_chi2")
+    return (
+        fitted
+        | covariance
+        | {key: getattr(one, key) for key in keys}
+        | {f"valid: {k}": v for k, v in plain(one.validity).items()}
+    )
 
 
 def _answer(title: str, answer: dict[str, Any], json: bool) -> None:

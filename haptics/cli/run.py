@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from haptics.cli.show import plain, print_json, print_pairs, print_table
+from haptics.cli.show import chosen_levels, plain, print_json, print_pairs, print_table
 
 
 def run(
@@ -22,6 +22,9 @@ def run(
     out: Annotated[Path | None, typer.Option(help="recording to write (HDF5) [default: SCENE-TIME.h5]")] = None,
     rrd: Annotated[Path | None, typer.Option(help="also write a rerun recording (extra `view`)")] = None,
     picture: Annotated[Path | None, typer.Option(help="also write a still picture, PNG (extra `report`)")] = None,
+    level: Annotated[list[str] | None, typer.Option("--level", help="MODEL=LEVEL instead of the plan's; repeat")] = None,
+    tolerance_jnd: Annotated[float, typer.Option(help="error the plan allows, as a share of what is just noticed")] = 1 / 3,
+    budget: Annotated[float, typer.Option(help="CPU seconds a second that the plan's models may take")] = 0.5,
     force: Annotated[bool, typer.Option("--force", help="overwrite files that exist")] = False,
     json: Annotated[bool, typer.Option("--json", help="print one JSON object")] = False,
 ) -> None:
@@ -44,6 +47,9 @@ def run(
             picture=picture,
             force=force,
             progress=not json,
+            levels=chosen_levels(level),
+            tolerance_jnd=tolerance_jnd,
+            budget_s_per_s=budget,
         ),
     )
     if json:

@@ -6,8 +6,14 @@ import dataclasses
 import json
 import math
 import os
-from collections.abc import Iterable, Mapping
+import sys
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
+
+from haptics.errors import InputError
+
+
+_PIPED_WIDTH = 160
 
 
 def plain(value: Any) -> Any:
@@ -39,7 +45,7 @@ def print_pairs(title: str, pairs: Mapping[str, Any]) -> None:
 
 
 def print_table(title: str, head: Iterable[str], rows: Iterable[Iterable[Any]]) -> None:
-    """A table for people, as wide as the terminal."""
+    """A table for people, as wide as the terminal; into a file or pipe, as wide as it needs."""
     from rich.console import Console
     from rich.table import Table
 
@@ -48,7 +54,33 @@ def print_table(title: str, head: Iterable[str], rows: Iterable[Iterable[Any]]) 
         table.add_column(column)
     for row in rows:
         table.add_row(*(_cell(v) for v in row))
-    Console().print(table)
+    console = Console()
+    console.print(table, width=None if console.is_terminal else _PIPED_WIDTH)
+
+
+def chosen_levels(pairs: list[str] | None) -> dict[str, str]:
+    """``MODEL=LEVEL`` arguments as a mapping.
+
+    :raises InputError: no such pair, or a model named twice.
+    """
+    chosen: dict[str, str] = {}
+    for pair in pairs or ():
+        model, found, level = pair.partition("=")
+        if not found or model in chosen:
+            raise InputError(f"level = {pair!r} is not allowed; allowed: MODEL=LEVEL, once for each model, such as latch=dynamic")
+        chosen[model] = level
+    return chosen
+
+
+def progress_unless(silent: bool) -> Callable[[str], None]:
+    """Says what is being done on standard error, where a person looks at it."""
+    shown = not silent and sys.stderr.isatty()
+
+    def progress(what: str) -> None:
+        if shown:
+            print(f"\r\033[K{what} ...", end="", file=sys.stderr, flush=True)
+
+    return progress
 
 
 def _cell(value: Any) -> str:

@@ -1,11 +1,15 @@
 """Models of the devices: one phenomenon a file, pure functions over frozen parameters, no clock, no input or output."""
 
+from haptics.physics.brake import brake_plant
 from haptics.physics.brake_contact import ContactLag, ContactParameters, lagged
 from haptics.physics.brake_drive import DriveParameters, greatest_frequency_hz, rise_time_s, supply_power_w
+from haptics.physics.brake_finger import FingerParameters
 from haptics.physics.brake_force import ClosingGapLaw, ForceLaw, IdealLaw, ThresholdLaw, default_law, force_law
 from haptics.physics.brake_output import OutputStage
 from haptics.physics.brake_parameters import BrakeParameters, capacitance_f
+from haptics.physics.brake_plant import BrakeEvent, BrakePlant
 from haptics.physics.brake_predict import BrakePrediction, predict_brake, predict_volts
+from haptics.physics.brake_system import BrakeSystem
 from haptics.physics.latch import LatchOutcome, latch_plant, least_pulse_s, switch, travel_s
 from haptics.physics.latch_parameters import LatchParameters
 from haptics.physics.latch_plant import LatchEvent, LatchPlant
@@ -15,12 +19,16 @@ from haptics.physics.thermal import ThermalParameters, pulse_rise_k, relax
 from haptics.physics.thermal_trains import TrainPrediction, predict_thermal
 
 __all__ = [
+    "BrakeEvent",
     "BrakeParameters",
+    "BrakePlant",
     "BrakePrediction",
+    "BrakeSystem",
     "ClosingGapLaw",
     "ContactLag",
     "ContactParameters",
     "DriveParameters",
+    "FingerParameters",
     "ForceLaw",
     "IdealLaw",
     "LatchEvent",
@@ -34,6 +42,7 @@ __all__ = [
     "ThermalParameters",
     "ThresholdLaw",
     "TrainPrediction",
+    "brake_plant",
     "capacitance_f",
     "default_law",
     "force_law",

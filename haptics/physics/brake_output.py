@@ -1,4 +1,4 @@
-"""The output stage as a plant: up to five clutches on one supply and one bridge, carried through time in closed form.
+"""The output stage as a plant: up to eight clutches on one supply and one bridge, carried through time in closed form.
 
 Outputs in the mask hang in parallel on the bridge; all others are shorted, each through its own resistance. The bridge
 makes a bipolar square wave whose first half period has half the length, so that the mean is zero from the start. Connecting
@@ -105,13 +105,16 @@ class OutputStage:
         """
         if to_s < self._now_s:
             raise InputError(f"to_s = {to_s!r} s lies before the stage's {self._now_s!r} s; time only moves forward")
-        while (at_s := self._next_event_s()) <= to_s:
+        # What may come next is compared first: nearly every call ends before it.
+        while self._reversal_s <= to_s or self._now_s < self._charging_from_s <= to_s:
+            at_s = self._next_event_s()
             self._evolve(at_s)
             if at_s >= self._reversal_s:
                 self._reverse(at_s)
             else:
                 self._charging_from_s = -math.inf
-        self._evolve(to_s)
+        if to_s > self._now_s:
+            self._evolve(to_s)
 
     @property
     def next_event_s(self) -> float | None:
@@ -128,6 +131,30 @@ class OutputStage:
         return self._mask
 
     @property
+    def set_v(self) -> float:
+        """The setpoint in force, 0 while everything is shorted."""
+        return self._set_v
+
+    @property
+    def bridge_v(self) -> float:
+        """Volts on the outputs in the mask, in the bridge's present polarity: negative while it has yet to turn them round."""
+        return self._bridge_v * self._polarity
+
+    @property
+    def frequency_hz(self) -> float:
+        return self._frequency_hz
+
+    @property
+    def charging(self) -> bool:
+        """The supply is on the outputs in the mask: neither all shorted nor clamped before a reversal."""
+        return self._mask != 0 and self._now_s >= self._charging_from_s
+
+    @property
+    def load(self) -> Charging:
+        """What hangs on the bridge, and where charging would lead it."""
+        return self._load
+
+    @property
     def polarity(self) -> int:
         """+1 or -1: the bridge's present polarity."""
         return self._polarity
@@ -136,7 +163,7 @@ class OutputStage:
     def bus_v(self) -> float:
         """Voltage at the supply's output: the setpoint, or less while the load holds it down."""
         u_v = self._bridge_v * self._polarity
-        if not self._charging or self._stiff or u_v >= self._set_v:
+        if not self.charging or self._stiff or u_v >= self._set_v:
             return self._set_v
         return min(self._set_v, u_v + self._current_into_bridge_a() * self._drive.output_resistance_ohm)
 
@@ -145,7 +172,7 @@ class OutputStage:
         """What the supply gives now, bleeder included."""
         if not self._mask:
             return 0.0
-        if not self._charging:
+        if not self.charging:
             return self._set_v / self._drive.bleeder_ohm
         supply = self._load.regime(self._bridge_v * self._polarity).supply
         if supply == "current":
@@ -176,6 +203,17 @@ class OutputStage:
         """This output's share, by capacitance, of the energy the supply gave."""
         return self._outputs[output].energy_j
 
+    def shorted_below(self, volts: float) -> bool:
+        """No output outside the mask has these volts left, of either sign."""
+        return not self._shorted or max([abs(o.volts) for o in self._shorted]) < volts
+
+    def decay_s(self, output: int) -> float:
+        """Time constant with which an output that is shorted, or clamped with its group, loses its volts."""
+        o, r = self._outputs[output], self._drive.output_resistance_ohm
+        if self._mask >> output & 1:
+            return self._load.capacitance_f / (1.0 / r + self._load.leak_s)
+        return r * o.capacitance_f
+
     def set_output(self, time_s: float, output: int, capacitance_f: float | None = None, leak_ohm: float | None = None) -> None:
         """Change an output while it runs: overlap moved, a leak, a short (small ``leak_ohm``), an open (no capacitance).
 
@@ -188,10 +226,6 @@ class OutputStage:
         if leak_ohm is not None:
             o.leak_ohm = math.inf if leak_ohm == math.inf else in_range("leak_ohm", leak_ohm, 1.0, math.inf, "ohm")
         self._load = self._present_load()
-
-    @property
-    def _charging(self) -> bool:
-        return self._mask != 0 and self._now_s >= self._charging_from_s
 
     def _next_event_s(self) -> float:
         return min(self._charging_from_s, self._reversal_s) if self._charging_from_s > self._now_s else self._reversal_s
@@ -241,7 +275,7 @@ class OutputStage:
                 o.volts = o.volts * math.exp(-dt_s / (r * o.capacitance_f)) if o.capacitance_f else 0.0
         if self._mask:
             load = self._load
-            if self._charging:
+            if self.charging:
                 u_v, taken_c, taken_j = load.charge(self._bridge_v * self._polarity, dt_s)
                 self._bridge_v = u_v * self._polarity
             else:

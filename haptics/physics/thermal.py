@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from haptics.errors import InputError
 from haptics.physics.parameters import Parameters, parameter
 from haptics.units import in_range
 
@@ -38,15 +39,26 @@ DEFAULT_LIMIT_K = 25.0
 def relax(rise_k: float, power_w: float, dt_s: float, parameters: ThermalParameters = THERMAL) -> float:
     """Rise after ``dt_s`` at constant power: ``rise + (c P - rise)(1 - exp(-dt/tau))``, exact at any step.
 
+    The state must be float64. Above 4 K two float32 lie 4.8e-7 K apart, more than twice what a microsecond at 0.36 W adds, so
+    that a rise kept in them sticks at 4.0 K where 15.5 K is true: a float32 rise is refused. Step and power may come in any
+    precision; the arithmetic is float64.
+
     :param rise_k: rise now (K above the room); may be negative just after the room warmed.
     :param power_w: mean power over the step, >= 0.
     :param dt_s: step, >= 0. A clock that stepped back is the caller's fault to count; it must not cool the device.
-    :raises InputError: a negative step or power, or anything not finite.
+    :raises InputError: a negative step or power, anything not finite, or a rise of less than double precision.
     """
-    in_range("dt_s", dt_s, 0.0, math.inf, "s")
-    in_range("power_w", power_w, 0.0, math.inf, "W")
-    in_range("rise_k", rise_k, -math.inf, math.inf, "K")
-    return rise_k + (parameters.c_k_per_w * power_w - rise_k) * -math.expm1(-dt_s / parameters.tau_s)
+    in_s = in_range("dt_s", dt_s, 0.0, math.inf, "s")
+    in_w = in_range("power_w", power_w, 0.0, math.inf, "W")
+    dtype = getattr(rise_k, "dtype", None)
+    if dtype is not None and dtype.kind == "f" and dtype.itemsize < 8:
+        raise InputError(f"rise_k is {dtype}; allowed: float64, for small steps vanish in anything coarser")
+    return _relaxed(in_range("rise_k", rise_k, -math.inf, math.inf, "K"), parameters.c_k_per_w * in_w, in_s, parameters.tau_s)
+
+
+def _relaxed(rise_k: float, final_k: float, dt_s: float, tau_s: float) -> float:
+    """The step itself, unchecked and of plain numbers, so that numba can compile it."""
+    return rise_k + (final_k - rise_k) * -math.expm1(-dt_s / tau_s)
 
 
 def pulse_rise_k(energy_j: float = PULSE_ENERGY_J, parameters: ThermalParameters = THERMAL) -> float:

@@ -58,7 +58,7 @@ class SceneNeeds:
 
     :param sites: hand sites whose distance to some object matters, in the order of ``SITES``.
     :param pins: sites driven in contact mode. :param pulses: sites driven in pulse mode.
-    :param refresh_hz: fastest refresh of any pattern; 0 without patterns.
+    :param patterns: spatial patterns played. :param refresh_hz: fastest refresh of any of them; 0 without patterns.
     :param brakes: fingers whose brake may hold. :param brake_v: highest amplitude asked of them, volts.
     :param piezos: fingers whose piezo may shake. :param clutches: garment clutches that a rule may engage.
     :param signals: body signals that a rule reads. :param shapes: kinds of shape.
@@ -67,6 +67,7 @@ class SceneNeeds:
     sites: tuple[str, ...] = ()
     pins: tuple[str, ...] = ()
     pulses: tuple[str, ...] = ()
+    patterns: tuple[str, ...] = ()
     refresh_hz: float = 0.0
     brakes: tuple[str, ...] = ()
     brake_v: float = 0.0
@@ -225,6 +226,7 @@ class Scene:
             sites=SITES if whole_hand else _in_order(contact_sites | tips),
             pins=_in_order(contact_sites | {site for effect in fixed for site in effect.sites}),
             pulses=_in_order({site for effect in patterns for site in effect.sites or SITES}),
+            patterns=tuple(sorted({pattern for pattern, _ in scales})),
             refresh_hz=max((REFRESH_HZ[pattern] * scale for pattern, scale in scales), default=0.0),
             brakes=fingers if any(effect.brakes for effect in grasps) else (),
             brake_v=max((effect.amplitude_v for effect in grasps if effect.brakes), default=0.0),

@@ -6,7 +6,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 from urllib.parse import parse_qsl, urlencode, urlsplit
 
@@ -52,7 +52,7 @@ class Glove:
     :param tactiles: configuration of the array, or None to leave it out.
     :param brake: configuration of the brake controller, or None to leave it out.
     :param realtime: on the machine's clock (needed for hardware) rather than in virtual time.
-    :param seed: of the simulated boards. :param levels: model level of each simulated board, by name.
+    :param seed: of the simulated boards. :param simulate: query keys for the simulated boards, by name; a URL's own keys win.
     :param wire_tap: called with port name, time, direction (True: to the board) and bytes.
     :raises InputError: a real port in virtual time.
     :raises LinkError: a port or board that cannot be used; what was opened is closed again.
@@ -65,7 +65,7 @@ class Glove:
         *,
         realtime: bool,
         seed: int = 1,
-        levels: dict[str, str] | None = None,
+        simulate: Mapping[str, Mapping[str, object]] | None = None,
         wire_tap: WireTap | None = None,
     ):
         self.realtime = realtime
@@ -80,7 +80,7 @@ class Glove:
         try:
             for name, part in asked.items():
                 if part is not None:
-                    self.links[name] = self._open(name, part, seed, (levels or {}).get(name), wire_tap)
+                    self.links[name] = self._open(name, part, seed, (simulate or {}).get(name, {}), wire_tap)
             links = list(self.links.values())
             self._runner: VirtualRunner | PollingRunner = (
                 PollingRunner(links, self.clock) if realtime else VirtualRunner(links, self._virtual_clock)
@@ -106,11 +106,16 @@ class Glove:
         return self.clock
 
     def _open(
-        self, name: str, part: TactilesConfiguration | BrakeConfiguration, seed: int, level: str | None, wire_tap: WireTap | None
+        self,
+        name: str,
+        part: TactilesConfiguration | BrakeConfiguration,
+        seed: int,
+        simulate: Mapping[str, object],
+        wire_tap: WireTap | None,
     ) -> Link:
         defaults: dict[str, object] = {"clock": "real" if self.realtime else "virtual", "seed": seed}
-        if level is not None and part.port.startswith(f"sim://{name}"):
-            defaults["level"] = level
+        if part.port.startswith(f"sim://{name}"):
+            defaults |= simulate
         url = with_defaults(part.port, **defaults)
         if not self.realtime and not url.startswith("sim://"):
             raise InputError(f"port = {part.port!r} lives in real time; allowed without --realtime: sim://… ports")

@@ -47,6 +47,7 @@ def replay_recording(path: str | Path) -> Replay:
         port_brake=header["ports"]["brake"],
         latency_s=header["latency_s"],
         seed=header["seed"],
+        **{name: header[name] for name in ("levels", "tolerance_jnd", "budget_s_per_s") if name in header},
     )
     configuration = check_configuration(header["configuration"], str(path))
     configuration = configuration.model_copy(update={"side": header["side"]})

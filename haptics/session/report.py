@@ -64,7 +64,7 @@ def build_report(
             "denied": {str(reason): count for reason, count in sorted(denied.items(), key=lambda item: str(item[0]))},
         },
         "onset_error_ms": _onset(session, frames, latency_ns, start_ns, tick_ns),
-        "actuators": _actuators(session),
+        "actuators": _actuators(session, plan),
         "brakes": _brakes(session),
         "ticks": {"count": ticks, "missed": ticks_missed},
         "plan": [asdict(row) for row in plan.rows],
@@ -144,7 +144,7 @@ def _brake_holds(session: Session, start_ns: int) -> list[int]:
     return [ns for ns, following in zip(times, [*times[1:], float("inf")], strict=False) if following - ns > TOGETHER_NS]
 
 
-def _actuators(session: Session) -> list[dict[str, Any]]:
+def _actuators(session: Session, plan: Plan) -> list[dict[str, Any]]:
     array = session.glove.tactiles
     if array is None:
         return []
@@ -152,6 +152,8 @@ def _actuators(session: Session) -> list[dict[str, Any]]:
     simulated = session.glove.plant("tactiles") is not None
     rows = []
     for channel, (site, budget) in enumerate(zip(array.sites, array.budgets, strict=True)):
+        if site not in plan.sites:
+            continue
         peak_k = float(session.truth.peak_rise_k[channel])
         switches = int(session.truth.switches[channel]) if simulated else played[site]
         rows.append({"site": site, "switches": switches, "peak_rise_k": peak_k, "headroom_k": budget.limit_k - peak_k})

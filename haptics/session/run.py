@@ -6,20 +6,20 @@ import gc
 import hashlib
 import sys
 import time
-from collections.abc import Iterator
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from haptics.errors import InputError
-from haptics.fidelity import Plan, plan_scene
+from haptics.fidelity import DEFAULT_BUDGET, DEFAULT_TOLERANCE_JND, Plan, plan_scene
 from haptics.recording import finalise, load, recover, write_picture, write_rrd
 from haptics.scene import load_scene
 from haptics.scene.hand import HandFrame, HandRecording, check_frame
 from haptics.scene.recordings import load_hand
 from haptics.scene.scene import Scene
 from haptics.scene.sites import SITES, nominal_sites
-from haptics.session.configuration import BrakeConfiguration, Configuration
+from haptics.session.configuration import BrakeConfiguration, Configuration, TactilesConfiguration
 from haptics.session.glove import Glove
 from haptics.session.recorder import Recorder, provenance
 from haptics.session.report import build_report
@@ -35,7 +35,10 @@ TAIL_NS = 40 * NS_PER_MS
 
 @dataclass(frozen=True, slots=True)
 class RunOptions:
-    """What a run may be told besides scene, hand and configuration. Paths that are None are not written, but ``out`` is named."""
+    """What a run may be told besides scene, hand and configuration. Paths that are None are not written, but ``out`` is named.
+
+    ``levels``, ``tolerance_jnd``, ``budget_s_per_s``: see ``fidelity.plan_scene``. ``watch`` is shown the ended session.
+    """
 
     port_tactiles: str | None = None
     port_brake: str | None = None
@@ -48,6 +51,10 @@ class RunOptions:
     force: bool = False
     progress: bool = False
     record: bool = True
+    levels: dict[str, str] = field(default_factory=dict)
+    tolerance_jnd: float = DEFAULT_TOLERANCE_JND
+    budget_s_per_s: float = DEFAULT_BUDGET
+    watch: Callable[[Session], None] | None = None
 
 
 def run_scene(scene_name: str, hand_source: str, configuration: Configuration, options: RunOptions) -> dict[str, Any]:
@@ -65,7 +72,7 @@ def run_scene(scene_name: str, hand_source: str, configuration: Configuration, o
     frames = tuple(recording.frames(side))
     check_motion(str(hand_source), frames)
     placed = scene.placed_for(recording, side) if frames else scene.placed(None, None, side)
-    plan = plan_scene(placed)
+    plan = plan_of(placed, configuration, options)
     out = options.out or Path(f"{scene.name}-{time.strftime('%Y%m%d-%H%M%S')}.h5")
     for path in (out, options.rrd, options.picture):
         _refuse_existing(path, options.force)
@@ -81,6 +88,9 @@ def run_scene(scene_name: str, hand_source: str, configuration: Configuration, o
         "realtime": options.realtime,
         "configuration": configuration.model_dump(mode="json"),
         "configuration_sha256": hashlib.sha256(configuration.model_dump_json().encode()).hexdigest(),
+        "levels": options.levels,
+        "tolerance_jnd": options.tolerance_jnd,
+        "budget_s_per_s": options.budget_s_per_s,
         "ports": {"tactiles": options.port_tactiles, "brake": options.port_brake},
         "plan": asdict(plan),
         "title": f"{scene.name} with {recording.source}",
@@ -105,6 +115,8 @@ def run_scene(scene_name: str, hand_source: str, configuration: Configuration, o
             recover(recorder.path, out, force=options.force)
         raise
     glove.close()
+    if options.watch is not None:
+        options.watch(session)
     report = build_report(
         session=session,
         plan=plan,
@@ -124,6 +136,20 @@ def run_scene(scene_name: str, hand_source: str, configuration: Configuration, o
         finalise(recorder.path, out, force=options.force)
         _derive(out, options)
     return report
+
+
+def plan_of(scene: Scene, configuration: Configuration, options: RunOptions) -> Plan:
+    """The plan of a run.
+
+    :raises InputError: see ``plan_scene``.
+    """
+    return plan_scene(
+        scene,
+        options.tolerance_jnd,
+        options.budget_s_per_s,
+        options.levels,
+        configuration.brake.amplitude_v if scene.needs.brakes else None,
+    )
 
 
 def check_motion(source: str, frames: tuple[HandFrame, ...]) -> None:
@@ -150,14 +176,25 @@ def open_glove(scene: Scene, plan: Plan, configuration: Configuration, options: 
         tactiles = tactiles.model_copy(update={"port": options.port_tactiles})
     if options.port_brake is not None:
         brake = brake.model_copy(update={"port": options.port_brake})
+    outputs = _with_outputs(brake, scene) if plan.builds("brake") or plan.builds("piezo") else None
     return Glove(
         tactiles if plan.builds("tactiles") else None,
-        _with_outputs(brake, scene) if plan.builds("brake") or plan.builds("piezo") else None,
+        outputs,
         realtime=options.realtime,
         seed=options.seed,
-        levels=plan.levels,
+        simulate=_simulated(plan, tactiles, outputs),
         wire_tap=tap,
     )
+
+
+def _simulated(plan: Plan, tactiles: TactilesConfiguration, brake: BrakeConfiguration | None) -> dict[str, dict[str, object]]:
+    """What simulated boards are told of the plan: the level, and which channels there are."""
+    told: dict[str, dict[str, object]] = {name: {"level": level} for name, level in plan.levels.items()}
+    if "tactiles" in told:
+        told["tactiles"]["fitted"] = sum(1 << channel for channel, site in enumerate(tactiles.sites) if site in plan.sites)
+    if brake is not None:
+        told.setdefault("brake", {})["fitted"] = len(brake.channels)
+    return told
 
 
 def _with_outputs(brake: BrakeConfiguration, scene: Scene) -> BrakeConfiguration:

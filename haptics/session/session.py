@@ -54,12 +54,15 @@ def device_leads(configuration: Configuration, scene: Scene) -> Leads:
 class Truth:
     """What the simulated plants did, gathered while the session runs.
 
-    ``pins`` and ``brakes``: (time_ns, channel, kind) of what happened, such as ``reached_skin`` or ``half_capacity``.
-    Peaks are of the samples.
+    ``pins`` and ``brakes``: (time_ns, channel, kind) of what happened, such as ``reached_skin`` or ``half_capacity``;
+    ``pin_speeds_m_s`` goes with ``pins``. ``forces_n``: (time_ns, capacity of each output), as sampled. Peaks are of the samples.
     """
 
     pins: list[tuple[int, int, str]] = field(default_factory=list)
+    pin_speeds_m_s: list[float] = field(default_factory=list)
     brakes: list[tuple[int, int, str]] = field(default_factory=list)
+    forces_n: list[tuple[int, tuple[float, ...]]] = field(default_factory=list)
+    latched: list[str] = field(default_factory=list)
     peak_rise_k: Any = field(default_factory=lambda: np.zeros(COIL_CHANNELS))
     peak_volts: Any = field(default_factory=lambda: np.zeros(BRAKE_CHANNELS))
     peak_force_n: Any = field(default_factory=lambda: np.zeros(BRAKE_CHANNELS))
@@ -160,6 +163,8 @@ class Session:
             rise_k[:] = truth["rise_k"]
             pin_out[:] = [state == "on" for state in truth["latched"]]
             gathered.pins += [(time_ns, channel, kind) for time_ns, channel, kind, _ in truth["events"]]
+            gathered.pin_speeds_m_s += [speed for *_, speed in truth["events"]]
+            gathered.latched = truth["latched"]
             gathered.switches[:] = truth["switches"]
         elif array is not None:
             rise_k[: len(array.sites)] = array.rises_k(now_ns)
@@ -167,6 +172,7 @@ class Session:
         if self._brake_plant is not None:
             truth = self._brake_plant.truth()
             volts[:], force_n[:], piezo[:] = truth["volts"], truth["capacity_n"], truth["piezo"]
+            gathered.forces_n.append((now_ns, tuple(truth["capacity_n"])))
             gathered.brakes += [(time_ns, channel, kind) for time_ns, channel, kind, _ in truth["events"]]
             gathered.energy_j[:] = truth["energy_j"]
         elif brakes is not None and "brake" in self.glove.telemetry:

@@ -7,7 +7,9 @@ from itertools import pairwise
 
 import pytest
 
+from haptics.errors import InputError
 from haptics.link.messages import Fault, State, Status
+from haptics.physics.brake import LEVELS
 from haptics.physics.brake_drive import rise_time_s
 from haptics.physics.brake_force import force_law
 from haptics.physics.brake_parameters import BRAKE, capacitance_f
@@ -396,6 +398,67 @@ def test_a_pull_beyond_capacity_slips(host) -> None:
     truth = h.port.truth()
     assert not truth["slipping"][0]
     assert truth["held_n"][0] == 5.0
+
+
+@pytest.mark.parametrize("level", LEVELS)
+def test_a_board_of_any_level_arms_drives_and_holds_a_hand(host, level) -> None:
+    """Guards and self test see the same volts; a hand 7 mm beyond the slack loads 800 N/m in series up to 8.8 N at 1000 V."""
+    h = armed(host, spread=0, level=level)
+    assert drive(h, h.tick_in(5), 1, 1000, 100, 2000) == Status.OK
+    hold(h, 60)
+    h.port.set_load(0, hand_m=0.0, hand_m_s=0.05)
+    seen = hold(h, 160)
+    assert h.port.truth()["state"] == State.DRIVING
+    assert seen[10]["tension_n"][0] == 0.0
+    rising = [t["tension_n"][0] for t in seen[40:100]]
+    assert rising == sorted(rising)
+    assert seen[100]["tension_n"][0] == pytest.approx(800 * 4.05e-3, abs=0.2)  # damping of the moving finger in it
+    assert max(t["tension_n"][0] for t in seen) < force_law("index").force_n(1000)
+    h.port.set_load(0, hand_m=0.04)
+    held = hold(h, 60)[-1]
+    assert held["slip_m"][0] > 0.02
+    assert held["tension_n"][1:] == [0.0] * 4
+    h.ask("stop")
+    h.live(200)
+    assert h.port.truth()["tension_n"][0] < 0.1
+
+
+def test_a_hand_slides_the_strips_and_the_sensed_capacitance_says_so(host) -> None:
+    h = armed(host, spread=0, level="dynamic")
+    drive(h, h.tick_in(2), 1, 400, 100, 2000)
+    hold(h, 120)
+    before = h.last("brake_telemetry").capacitance[0]
+    h.port.set_load(0, hand_m=0.015)
+    hold(h, 150)
+    slip_mm = h.port.truth()["slip_m"][0] * 1e3
+    assert slip_mm > 10.0
+    assert before - h.last("brake_telemetry").capacitance[0] == pytest.approx(23.2 * slip_mm, abs=3)
+
+
+def test_a_hand_speed_needs_a_hand_and_a_level_must_be_one(host) -> None:
+    h = host("brake")
+    with pytest.raises(InputError, match="hand_m_s"):
+        h.port.set_load(0, hand_m_s=0.1)
+    with pytest.raises(InputError, match="hand_m"):
+        h.port.set_load(0, hand_n=0.1)
+    with pytest.raises(InputError, match="level"):
+        host("brake", level="best")
+
+
+@pytest.mark.parametrize("level", LEVELS)
+def test_looking_often_changes_nothing_at_any_level(host, level) -> None:
+    def play(look: bool) -> dict:
+        h = armed(host, seed=5, level=level)
+        drive(h, h.tick_in(2), 1, 1200, 100, 150)
+        h.port.set_load(0, hand_m=0.0, hand_m_s=0.1)
+        for _ in range(240 if look else 1):
+            h.run(0.25 if look else 60)
+            h.port.truth()
+        return h.port.truth()
+
+    a, b = play(True), play(False)
+    for key in ("capacity_n", "tension_n", "slip_m"):
+        assert a[key] == pytest.approx(b[key], rel=1e-8, abs=1e-9)
 
 
 def test_supply_power_is_twice_c_v_squared_f_at_least(host) -> None:
