@@ -164,7 +164,8 @@ class TactilesBoard(FirmwareModel):
 
     def truth(self) -> dict[str, Any]:
         """Lists over channels: ``rise_k, position_m, latched, energy_j, switches, coils_on``; channels that are ``fitted``; what
-        was asked ``outside`` of what the level answers for; ``time_ns``, ``supply_v``, ``state``; ``events`` since the last call as ``(time_ns, channel, kind, speed_m_s)``.
+        was asked ``outside`` of what the level answers for; ``time_ns``, ``supply_v``, ``state``; ``events`` since the last
+        call as ``(time_ns, channel, kind, speed_m_s)``.
         """
         return {**self.plant.truth(self.now_ns), "state": self.state}
 

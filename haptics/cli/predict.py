@@ -51,7 +51,7 @@ def latch(
     volts: Annotated[float, typer.Option(help="volts at the coil")] = 5.0,
     direction: Annotated[str, typer.Option(help="off-on (toward the skin) or on-off")] = "off-on",
     rise_k: Annotated[float, typer.Option(help="coil's rise above the room, K")] = 0.0,
-    level: Annotated[str, typer.Option(help="model level: event or dynamic")] = "dynamic",
+    level: Annotated[str, typer.Option(help="model level: event, table, dynamic or reference")] = "dynamic",
     json: Json = False,
 ) -> None:
     """What one pulse does to an actuator: does it switch, when does the pin arrive, what does it cost (thesis 3.4.3, 3.4.5)."""

@@ -12,7 +12,6 @@ from typing import Any
 
 from haptics.errors import InputError
 
-
 _PIPED_WIDTH = 160
 
 

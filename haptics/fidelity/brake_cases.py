@@ -35,7 +35,10 @@ class BrakeCase:
 
 @dataclass(frozen=True)
 class BrakeRun:
-    """(samples,) of what the brake can hold and what the finger feels; supply energy; where the first drive ends."""
+    """(samples,) of what the brake can hold and what the finger feels; supply energy; where the first drive and all drives end.
+
+    Supply energy is that of the same drives with the hand at rest: an overlap that slides away is another load.
+    """
 
     capacity_n: np.ndarray
     tension_n: np.ndarray
@@ -46,20 +49,22 @@ class BrakeRun:
 
 def play(case: BrakeCase, level: str) -> BrakeRun:
     """The case at a level."""
-    plant = brake_plant(level, BrakeSystem(finger=case.finger))
+    plant, still = (brake_plant(level, BrakeSystem(finger=case.finger)) for _ in range(2))
     plant.move(0, 0.0, 0.0, case.pull_m_s)
     capacity_n, tension_n = [], []
     samples, at = 0, 0
     for volts, length_s in (*case.drives, (0.0, OFF_S)):
-        plant.drive(at * SAMPLE_S, int(volts > 0.0), volts, case.frequency_hz if volts else 0.0)
+        for one in (plant, still):
+            one.drive(at * SAMPLE_S, int(volts > 0.0), volts, case.frequency_hz if volts else 0.0)
         samples += round(length_s / SAMPLE_S)
         while at < samples:
             at += 1
             plant.advance(at * SAMPLE_S)
             capacity_n.append(plant.capacity_n[0])
             tension_n.append(plant.tension_n[0])
+    still.advance(at * SAMPLE_S)
     ends = np.cumsum([round(length_s / SAMPLE_S) for _, length_s in case.drives])
-    return BrakeRun(np.array(capacity_n), np.array(tension_n), plant.supply_energy_j, int(ends[0]), int(ends[-1]))
+    return BrakeRun(np.array(capacity_n), np.array(tension_n), still.supply_energy_j, int(ends[0]), int(ends[-1]))
 
 
 def brake_cases(kind: str, count: int, seed: int = 1) -> list[BrakeCase]:

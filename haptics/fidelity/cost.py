@@ -25,6 +25,12 @@ _REPEATS = 5
 _ENOUGH_S = 0.2
 
 
+Job = Callable[[float], None]
+"""Carries its devices on by as many seconds as it was made for, from the time it is given."""
+_Maker = Callable[[int, float], Job]
+"""Of a job, for so many devices and seconds."""
+
+
 @dataclass(frozen=True)
 class Cost:
     """``us_per_event``: one device, one switch or one engagement. ``s_per_sim_s``: CPU seconds, by number of devices."""
@@ -36,33 +42,29 @@ class Cost:
 def latch_cost(level: str) -> Cost:
     """All devices switch twice a second. Level ``table`` and ``dynamic`` go by bank from 64 devices on."""
 
-    def single(count: int, seconds: float) -> Callable[[], None]:
+    def single(count: int, seconds: float) -> Job:
         plants = [latch_plant(level, latched="off") for _ in range(count)]
 
-        def job() -> None:
+        def job(from_s: float) -> None:
             for k in range(round(seconds * SWITCHES_HZ)):
                 for plant in plants:
-                    plant.drive(k * _PERIOD_S + job.from_s, NOMINAL_VOLTS if k % 2 == 0 else -NOMINAL_VOLTS)
-                    plant.drive(k * _PERIOD_S + job.from_s + PULSE_S, 0.0)
+                    plant.drive(k * _PERIOD_S + from_s, NOMINAL_VOLTS if k % 2 == 0 else -NOMINAL_VOLTS)
+                    plant.drive(k * _PERIOD_S + from_s + PULSE_S, 0.0)
                     plant.take_events()
-            job.from_s += seconds
             for plant in plants:
-                plant.advance(job.from_s)
+                plant.advance(from_s + seconds)
 
-        job.from_s = 0.0
         return job
 
-    def banked(count: int, seconds: float) -> Callable[[], None]:
+    def banked(count: int, seconds: float) -> Job:
         bank = LatchBank(count, level)
 
-        def job() -> None:
+        def job(from_s: float) -> None:
             for k in range(round(seconds * SWITCHES_HZ)):
-                bank.drive(k * _PERIOD_S + job.from_s, NOMINAL_VOLTS if k % 2 == 0 else -NOMINAL_VOLTS)
-                bank.drive(k * _PERIOD_S + job.from_s + PULSE_S, 0.0)
-            job.from_s += seconds
-            bank.advance(job.from_s)
+                bank.drive(k * _PERIOD_S + from_s, NOMINAL_VOLTS if k % 2 == 0 else -NOMINAL_VOLTS)
+                bank.drive(k * _PERIOD_S + from_s + PULSE_S, 0.0)
+            bank.advance(from_s + seconds)
 
-        job.from_s = 0.0
         return job
 
     return _cost(single, banked if level in ("table", "dynamic") else None, SWITCHES_HZ)
@@ -71,10 +73,10 @@ def latch_cost(level: str) -> Cost:
 def thermal_cost(level: str) -> Cost:
     """Two pulses a second: an event is a step under power and one without."""
 
-    def single(count: int, seconds: float) -> Callable[[], None]:
+    def single(count: int, seconds: float) -> Job:
         plants = [thermal_plant(level) for _ in range(count)]
 
-        def job() -> None:
+        def job(_: float) -> None:
             for _ in range(round(seconds * SWITCHES_HZ)):
                 for plant in plants:
                     plant.advance(PULSE_S, PULSE_POWER_W)
@@ -88,27 +90,25 @@ def thermal_cost(level: str) -> Cost:
 def brake_cost(level: str) -> Cost:
     """A clutch driven for half of each second at 1000 V and 10 Hz while a hand pulls; stepped levels by bank from 64 on."""
 
-    def single(count: int, seconds: float) -> Callable[[], None]:
+    def single(count: int, seconds: float) -> Job:
         plants = [brake_plant(level) for _ in range(count)]
 
-        def job() -> None:
-            for _ in range(round(seconds)):
+        def job(from_s: float) -> None:
+            for k in range(round(seconds)):
                 for plant in plants:
-                    plant.move(0, job.from_s, 0.0, 5e-3)
-                    plant.drive(job.from_s, 1, 1000.0, 10.0)
-                    plant.drive(job.from_s + 0.5, 0, 0.0, 0.0)
-                    plant.advance(job.from_s + 1.0)
+                    plant.move(0, from_s + k, 0.0, 5e-3)
+                    plant.drive(from_s + k, 1, 1000.0, 10.0)
+                    plant.drive(from_s + k + 0.5, 0, 0.0, 0.0)
+                    plant.advance(from_s + k + 1.0)
                     plant.take_events()
-                job.from_s += 1.0
 
-        job.from_s = 0.0
         return job
 
-    def banked(count: int, seconds: float) -> Callable[[], None]:
+    def banked(count: int, seconds: float) -> Job:
         step_s = _BANK_STEP_S[level]
         bank = BrakeBank(count, level, step_s=step_s)
 
-        def job() -> None:
+        def job(_: float) -> None:
             for _ in range(round(seconds)):
                 bank.move(0.0, 5e-3)
                 bank.drive(1000.0, 10.0)
@@ -122,8 +122,8 @@ def brake_cost(level: str) -> Cost:
 
 
 def _cost(
-    single: Callable[[int, float], Callable[[], None]],
-    banked: Callable[[int, float], Callable[[], None]] | None,
+    single: _Maker,
+    banked: _Maker | None,
     events_hz: float,
 ) -> Cost:
     one_s = _cpu_s(single, 1)
@@ -138,22 +138,22 @@ def _cost(
     return Cost(1e6 * one_s / events_hz, {str(count): cost_s for count, cost_s in by_count.items()})
 
 
-def _cpu_s(make: Callable[[int, float], Callable[[], None]], count: int) -> float:
+def _cpu_s(make: _Maker, count: int) -> float:
     """CPU seconds for a simulated second: median of several, each long enough for the clock to tell."""
     seconds = 2.0
     while True:
         job = make(count, seconds)
-        job()  # compiled, cached, warm
-        first_s = _timed(job)
+        job(0.0)  # compiled, cached, warm
+        first_s = _timed(job, seconds)
         if first_s > _ENOUGH_S / _REPEATS or seconds > 1e3:
             break
         seconds *= 4.0
     if first_s > 1.0:
         return first_s / seconds
-    return statistics.median([first_s, *(_timed(job) for _ in range(_REPEATS - 1))]) / seconds
+    return statistics.median([first_s, *(_timed(job, k * seconds) for k in range(2, _REPEATS + 1))]) / seconds
 
 
-def _timed(job: Callable[[], None]) -> float:
+def _timed(job: Job, from_s: float) -> float:
     began = time.process_time()
-    job()
+    job(from_s)
     return time.process_time() - began

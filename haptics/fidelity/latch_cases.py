@@ -1,9 +1,9 @@
 """The cases over which levels of the latch are measured against the reference, and what is compared.
 
 *typical*: what boards of this kind do. One pulse of 2.5 to 10 ms at 4.5 to 5 V, either way, coil up to 50 K warm, any
-resistance in the stated band. *edge*: what else they may be asked: weak and strong drive, cold and hot coils, pulses down to a
-microsecond, within a few per cent of the threshold, reversed in flight, trains up to 200 Hz, drives that begin while the pin
-still bounces. A pulse within ``latch.UNCERTAIN_WITHIN`` of the threshold is no case: there every level says that it does not
+resistance in the stated band. *edge*: what else they may be asked: weak and strong drive, cold and hot coils, pulses down to a microsecond, within a few per
+cent of the threshold, reversed in flight, trains up to 200 Hz, drives that begin while the pin still bounces, a skin under the
+pin. A pulse within ``latch.UNCERTAIN_WITHIN`` of the threshold is no case: there every level says that it does not
 know.
 """
 
@@ -121,14 +121,17 @@ def _typical(rng: np.random.Generator) -> Iterator[LatchCase]:
 
 
 def _edge(rng: np.random.Generator) -> Iterator[LatchCase]:
-    kinds = ("drive", "short", "threshold", "reversed", "train", "bouncing")
+    kinds = ("drive", "short", "threshold", "reversed", "train", "bouncing", "skin")
     while True:
         for kind in kinds:
             latched: Latched = "off" if rng.integers(2) else "on"
             sign = 1.0 if latched == "off" else -1.0
             volts, rise_k = float(rng.uniform(3.8, 5.5)), float(rng.uniform(-20.0, 80.0))
             parameters = LATCH.with_values(resistance_ohm=float(rng.uniform(1.28, 1.48)))
-            if kind == "drive":
+            if kind == "skin":
+                skin = {"skin_stiffness_n_m": float(rng.uniform(50.0, 600.0)), "skin_at_m": float(rng.uniform(1e-3, 1.9e-3))}
+                parameters = parameters.with_values(**skin)
+            if kind in ("drive", "skin"):
                 strokes = [(sign * volts, float(rng.uniform(2e-3, 20e-3)))]
             elif kind == "short":
                 strokes = [(sign * volts, float(10.0 ** rng.uniform(-6.0, -2.9)))]

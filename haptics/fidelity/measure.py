@@ -36,7 +36,7 @@ UNITS = {
     "supply power": "%",
 }
 """Unit of each observable's error. A share is of the cases: 0 or 1 for each."""
-_COUNTS = {"latch": (300, 60), "thermal": (40, 6), "brake": (40, 6)}
+_COUNTS = {"latch": (600, 60), "thermal": (40, 6), "brake": (150, 6)}
 """Cases of each kind: all, and with ``quick``."""
 
 Progress = Callable[[str], None]
@@ -45,7 +45,7 @@ Progress = Callable[[str], None]
 def measure(
     quick: bool = False, seed: int = 1, progress: Progress = lambda _: None, models: Sequence[str] = tuple(_COUNTS)
 ) -> Measured:
-    """Run all levels over all cases; about two minutes, or twenty seconds when ``quick``.
+    """Run all levels over all cases; some five minutes, or half a minute when ``quick``.
 
     :param seed: of the cases. :param progress: told what is being done.
     :raises InputError: an unknown model.

@@ -40,10 +40,9 @@ def _pull(
     step_s: float | None = None,
     speed_m_s: float = 0.02,
     hz: float = 10.0,
-    **options: str,
 ) -> tuple[float, float, BrakePlant]:
     """Hold for 0.3 s against a pull: what the law gives at the end, and the capacity, infinite if a rule of force broke."""
-    plant = brake_plant(level, system, step_s=step_s, **options)
+    plant = brake_plant(level, system, step_s=step_s)
     plant.move(0, 0.0, 0.0, speed_m_s)
     plant.drive(0.0, 1, volts, hz)
     broken = False
@@ -56,9 +55,9 @@ def _pull(
     return law_n, math.inf if broken else plant.capacity_n[0], plant
 
 
-def _off_by(level: str, volts: float, system: BrakeSystem, **options: float) -> float:
+def _off_by(level: str, volts: float, system: BrakeSystem, step_s: float | None = None, hz: float = 10.0) -> float:
     """Of what the law gives, in per cent of it, with the dip of the last reversal allowed for by the bound."""
-    law_n, capacity_n, _ = _pull(level, volts, system, **options)
+    law_n, capacity_n, _ = _pull(level, volts, system, step_s=step_s, hz=hz)
     return 100.0 * abs(capacity_n - law_n) / max(law_n, 1e-3)
 
 

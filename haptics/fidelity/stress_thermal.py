@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -113,5 +114,6 @@ def _coarse_floats() -> StressRow:
     tally = Tally(
         "thermal", "exact", "state in float32", "K", 0.0, "float32 is not offered: in steps of 1 us it sticks at 4.0 of 15.5 K"
     )
-    tally.ask(lambda: relax(np.float32(4.0), PULSE_POWER_W, 1e-6), must_refuse=True)
+    coarse: Any = np.float32(4.0)
+    tally.ask(lambda: relax(coarse, PULSE_POWER_W, 1e-6), must_refuse=True)
     return tally.row()

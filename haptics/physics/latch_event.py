@@ -24,6 +24,7 @@ from haptics.units import in_range
 
 FITTED_V = (3.75, 5.5)
 """Voltages, at nominal resistance, over which the constants are fitted."""
+_SKIN = "a skin under the pin is not felt"
 _FROM = "level dynamic, 3.75 to 5.5 V"
 
 
@@ -124,7 +125,7 @@ class EventLatch:
         self._arrival_s = self._leave_s = math.inf
         self._touching_skin = latched == "on"
         self._changed_in_flight = False
-        self._outside: dict[str, None] = {}
+        self._outside: dict[str, None] = {_SKIN: None} if parameters.skin_stiffness_n_m else {}
 
     def drive(self, time_s: float, volts: float) -> None:
         volts = in_range("volts", volts, -1e3, 1e3, "V")
@@ -166,7 +167,7 @@ class EventLatch:
         self._parameters = self._parameters.with_values(skin_stiffness_n_m=stiffness_n_m, skin_at_m=at_m)
         self.advance(time_s)
         if stiffness_n_m:
-            self._outside["a skin under the pin is not felt"] = None
+            self._outside[_SKIN] = None
 
     def advance(self, to_s: float) -> None:
         if not to_s >= self._now_s:

@@ -101,7 +101,7 @@ def _fit(points: list[tuple[float, float]]) -> tuple[float, float, float, float]
     from scipy.optimize import least_squares
 
     volts, times_s = np.array(points).T
-    if not (1e-6 < times_s.min() and times_s.max() < 1.0):
+    if not (times_s.min() > 1e-6 and times_s.max() < 1.0):
         return 0.0, 0.0, 0.0, math.inf
 
     def residuals(z: np.ndarray) -> np.ndarray:

@@ -219,9 +219,11 @@ def _flow_table(p: LatchParameters) -> FlowTable | None:
     for counts in _NODES:
         ends = ((0.0, p.stroke_m), (-v_max, v_max), (-_GREATEST_V, _GREATEST_V))
         axes = [np.linspace(*end, count) for end, count in zip(ends, counts, strict=True)]
-        nodes = np.stack(_after_a_span(*np.meshgrid(*axes, indexing="ij"), p), axis=-1)
+        x, v, u = np.meshgrid(*axes, indexing="ij")
+        nodes = np.stack(_after_a_span(x, v, u, p), axis=-1)
         middles = [0.5 * (axis[1:-2] + axis[2:-1]) for axis in axes]
-        true, tried = _after_a_span(*np.meshgrid(*middles, indexing="ij"), p), nodes
+        x, v, u = np.meshgrid(*middles, indexing="ij")
+        true, tried = _after_a_span(x, v, u, p), nodes
         for axis in range(3):
             tried = _halfway(tried, axis)
         error_m = float(np.max(np.abs(tried[..., 0] - true[0])))

@@ -65,6 +65,8 @@ def integrate(
         else:
             # No long step across a bounce: plates and speed say how soon the pin could be back.
             h = min(h, max(20e-6, 0.5 * abs(v) * mass / (hold_on + hold_off + 1e-9)))
+        # After a change of voltage the current needs a few L/R: begin within that, and double from step to step.
+        h = min(h, 0.2 / rate + t)
         last = h >= end - t
         if last:
             if whole and h > end - t:

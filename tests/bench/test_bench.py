@@ -1,7 +1,7 @@
 """Speeds that matter to a user, with the bounds they are held to; what can be compared is measured side by side in one run.
 
-Run by ``make bench`` only: no ordinary test depends on how fast a machine is. CPU time throughout, so that what else the machine does
-counts little; it still slows caches and shared cores, so a bound on a whole run is held against the best of several.
+Run by ``make bench`` only: no ordinary test depends on how fast a machine is. CPU time throughout, so that what else the machine
+does counts little; it still slows caches and shared cores, so a bound on a whole run is held against the best of several.
 """
 
 from __future__ import annotations
@@ -10,14 +10,12 @@ import statistics
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from haptics.physics.latch import latch_plant, switch
-from haptics.physics.latch_parameters import LATCH as P, NOMINAL_VOLTS
 from haptics.scene.hand import HandFrame
 from haptics.session.configuration import Configuration
 from haptics.session.run import RunOptions, run_scene
@@ -44,14 +42,6 @@ effects = [{{ kind = "contact" }}{', { kind = "grasp" }' if i < 2 else ""}]
 """
     for i in range(10)
 )
-
-
-@pytest.fixture(scope="module")
-def row() -> Iterator[Row]:
-    """Takes a line of the table that is printed at the end: what, its figure, its bound."""
-    lines = [("", "measured", "bound")]
-    yield lambda what, figure, bound: lines.append((what, figure, bound))
-    print("\n\n" + "\n".join(f"{what:<76}{figure:>16}{bound:>14}" for what, figure, bound in lines))
 
 
 @pytest.fixture
@@ -121,54 +111,6 @@ def test_a_tick_with_fifteen_actuators_two_brakes_and_ten_objects(row: Row, hand
     row("  mean of all", f"{every_ms.mean():.3f} ms", "")
     row("  99 % of all", f"{np.quantile(every_ms, 0.99):.3f} ms", "")
     assert np.median(every_ms) < 0.3
-
-
-def test_the_dynamic_latch_against_a_general_solver(row: Row) -> None:
-    """One pulse of 10 ms: the same equation of motion, the other time handed to scipy as a user would."""
-    from scipy.integrate import solve_ivp
-
-    def motion(_: float, state: np.ndarray) -> list[float]:
-        x, v, i = state
-        thrust = P.thrust_n_a * (np.exp(-x / P.thrust_length_m) + np.exp((x - P.stroke_m) / P.thrust_length_m))
-        thrust /= 1 + np.exp(-P.stroke_m / P.thrust_length_m)
-        force = thrust * i - P.drag_n_s_m * v
-        force += P.hold_on_n * (1 + (P.stroke_m - x) / P.plate_length_m) ** -P.plate_power
-        force -= P.hold_off_n * (1 + x / P.plate_length_m) ** -P.plate_power
-        if x < 0:
-            force -= P.off_stiffness_n_m * x * max(0.0, 1 - P.off_loss_s_m * v)
-        elif x > P.stroke_m:
-            force -= P.on_stiffness_n_m * (x - P.stroke_m) * max(0.0, 1 + P.on_loss_s_m * v)
-        return [v, force / P.mass_kg, (NOMINAL_VOLTS - P.resistance_ohm * i - thrust * v) / P.inductance_h]
-
-    def arrival(_: float, state: np.ndarray) -> float:
-        return state[0] - P.stroke_m
-
-    def ours() -> float:
-        plant = latch_plant("dynamic")
-        plant.drive(0.0, NOMINAL_VOLTS)
-        plant.advance(0.010)
-        return next(event.time_s for event in plant.take_events() if event.kind == "reached_skin")
-
-    start = [latch_plant("dynamic").position_m, 0.0, 0.0]
-
-    def theirs() -> float:
-        solved = solve_ivp(motion, (0.0, 0.010), start, "LSODA", events=arrival, rtol=1e-6, atol=1e-9)
-        return solved.t_events[0][0]
-
-    def cpu_s(job: Callable[[], object]) -> float:
-        began = time.process_time()
-        job()
-        return time.process_time() - began
-
-    apart_us = abs(ours() - theirs()) * 1e6
-    pairs = [(cpu_s(ours), cpu_s(theirs)) for _ in range(21)]
-    row("one pulse, dynamic latch, median of 21", f"{statistics.median(a for a, _ in pairs) * 1e3:.3f} ms", "")
-    row("  the same by solve_ivp, LSODA, rtol 1e-6", f"{statistics.median(b for _, b in pairs) * 1e3:.3f} ms", "")
-    row("  ratio, side by side", f"{statistics.median(b / a for a, b in pairs):.0f}", "")
-    row("  arrivals apart", f"{apart_us:.2f} us", "")
-    searching_s = [cpu_s(lambda volts=NOMINAL_VOLTS - 1e-3 * n: switch(0.010, volts)) for n in range(1, 10)]
-    row("predict latch, with its search for the least pulse, median of 9", f"{statistics.median(searching_s) * 1e3:.2f} ms", "")
-    assert apart_us < 2.0  # the two solve the same equation
 
 
 def test_what_an_idle_glove_costs(row: Row, tmp_path: Path) -> None:

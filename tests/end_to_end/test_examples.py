@@ -20,6 +20,7 @@ SHOWN = {
         r"pins out: none; brake at 0 V",
         r"(palm_index +pulse +(played|denied).*\n){2}",
     ],
+    "many_gloves.py": [r"5\.0 V: 100\.00 % .*in +6\.\d+ ms", r"3\.5 V: +[56]\d\.\d+ %", r"3\.0 V: +0\.00 %"],
     "own_scene.py": [r"touch +index_tip drum", r"release +index_tip drum", r"(\d+) of \1 pulses played"],
     "predict.py": [
         r" 49 switches a minute.*none denied",
