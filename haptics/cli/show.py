@@ -53,8 +53,7 @@ def print_table(title: str, head: Iterable[str], rows: Iterable[Iterable[Any]]) 
         table.add_column(column)
     for row in rows:
         table.add_row(*(_cell(v) for v in row))
-    console = Console()
-    console.print(table, width=None if console.is_terminal else _PIPED_WIDTH)
+    Console(width=None if sys.stdout.isatty() or "COLUMNS" in os.environ else _PIPED_WIDTH).print(table)
 
 
 def chosen_levels(pairs: list[str] | None) -> dict[str, str]:

@@ -1,10 +1,10 @@
 """The cases over which levels of the latch are measured against the reference, and what is compared.
 
 *typical*: what boards of this kind do. One pulse of 2.5 to 10 ms at 4.5 to 5 V, either way, coil up to 50 K warm, any
-resistance in the stated band. *edge*: what else they may be asked: weak and strong drive, cold and hot coils, pulses down to a microsecond, within a few per
-cent of the threshold, reversed in flight, trains up to 200 Hz, drives that begin while the pin still bounces, a skin under the
-pin. A pulse within ``latch.UNCERTAIN_WITHIN`` of the threshold is no case: there every level says that it does not
-know.
+resistance in the stated band. *edge*: what else they may be asked: weak and strong drive, cold and hot coils, pulses down to a
+microsecond, within a few per cent of the threshold, reversed in flight, trains up to 200 Hz, drives that begin while the pin
+still bounces, a skin under the pin. A pulse within ``latch.UNCERTAIN_WITHIN`` of the threshold is no case: there every level
+says that it does not know.
 """
 
 from __future__ import annotations

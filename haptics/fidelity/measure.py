@@ -17,7 +17,8 @@ from haptics.errors import InputError
 from haptics.fidelity import brake_cases, latch_cases, thermal_cases
 from haptics.fidelity.cost import Cost, brake_cost, latch_cost, thermal_cost
 from haptics.fidelity.measured import Measured, MeasuredRow
-from haptics.physics import brake, latch, thermal_plant
+from haptics.physics import brake, latch
+from haptics.physics.thermal_plant import LEVELS as THERMAL_LEVELS
 from haptics.version import __version__
 
 KINDS = ("typical", "edge")
@@ -30,7 +31,7 @@ UNITS = {
     "coil temperature": "K",
     "force over time": "N",
     "plateau": "%",
-    "ripple": "share",
+    "ripple": "%",
     "response time": "ms",
     "release time": "ms",
     "supply power": "%",
@@ -103,7 +104,7 @@ def _latch(count: int, seed: int, progress: Progress) -> list[MeasuredRow]:
 
 def _thermal(count: int, seed: int, progress: Progress) -> list[MeasuredRow]:
     rows: list[MeasuredRow] = []
-    for level in thermal_plant.LEVELS:
+    for level in THERMAL_LEVELS:
         progress(f"thermal, level {level}")
         cost = thermal_cost(level)
         for kind in KINDS:

@@ -45,7 +45,9 @@ NOTICES = {
         Notice("coil temperature", "K", 10.0, 10.0 / 3.0, "assumed", "insulation, not skin: nobody feels the coil itself"),
         Notice("response time", "ms", 100.0, 5.0, "stated", "thesis 4.7.3"),
         Notice("release time", "ms", 100.0, 5.0, "stated", "thesis 4.7.3"),
-        Notice("ripple", "share", 1.0, 0.5, "stated", "thesis 4.10: present or absent as in the reference"),
+        Notice(
+            "ripple", "%", 10.0, 10.0 / 3.0, "assumed", "of the plateau: 20 Hz is felt (4.10), from about the least force step on"
+        ),
         Notice("supply power", "%", 10.0, 10.0 / 3.0, "assumed", "a bench's supply reading"),
     )
 }

@@ -203,7 +203,7 @@ def _choose(
     """Judge a model's ladder; take the level asked for, or the first that stays below every limit (the last, if none does)."""
     names, ladder = LADDERS[model], []
     for level in names:
-        rows = [(notice, _measured(measured, model, level, notice)) for notice in notices]
+        rows = [(notice, measured.row(model, level, notice.observable)) for notice in notices]
         tried = tuple(_Tried(notice, _error(notice, row), notice.limit(tolerance_jnd)) for notice, row in rows)
         ladder.append((level, tried, _cost(rows[0][1], count)))
     least = next((k for k, (_, tried, _) in enumerate(ladder) if all(t.ratio <= 1.0 for t in tried)), len(ladder) - 1)
@@ -260,17 +260,15 @@ def _latch_notices(patterns: Iterable[str], refresh_hz: float) -> list[Notice]:
     return notices
 
 
-def _measured(measured: Measured, model: str, level: str, notice: Notice) -> MeasuredRow:
-    return measured.row(model, level, notice.observable)
-
-
 def _error(notice: Notice, row: MeasuredRow) -> float:
+    """What is held against a limit: the worst of the typical cases."""
     if notice.unit != row.unit:
         raise InputError(f"{row.model}, {row.observable}: measured in {row.unit}, judged in {notice.unit}")
     return row.worst
 
 
 def _cost(row: MeasuredRow, count: int) -> float:
+    """Boards carry their devices one by one."""
     return row.cost_s_per_sim_s["1"] * count
 
 

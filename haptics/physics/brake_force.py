@@ -174,7 +174,7 @@ class ThresholdLaw:
 
 @dataclass(frozen=True)
 class ClosingGapLaw:
-    """``F = mu n e_0 A V^2 / 2 (d/e_r + g)^2 + F_off`` with an air gap that pressure closes, ``g = g_r (1 + (p0/p)^2)``.
+    """``F = mu n e_0 A V^2 / (2 e_r (d/e_r + g)^2) + F_off`` with an air gap that pressure closes, ``g = g_r (1 + (p0/p)^2)``.
 
     ``p = e_0 (V e_r / d)^2 / 2`` is the pressure there would be without air; ``g_r`` what roughness leaves for good.
 

@@ -29,7 +29,9 @@ _EVER = 1 << 62
 
 def steps_at(time_s: float, start_s: float, step_s: float) -> int:
     """Whole steps from the start to ``time_s``, one that ends within rounding of it included."""
-    return int((time_s - start_s) / step_s * (1.0 + 1e-12))
+    steps = (time_s - start_s) / step_s
+    # The allowance for rounding grows with time, but must stay far below a step, however long the run.
+    return int(steps + min(1e-12 * steps, 0.01))
 
 
 class LaggedBrakes(BrakeBase):

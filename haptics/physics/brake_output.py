@@ -103,8 +103,8 @@ class OutputStage:
 
         :raises InputError: time going back.
         """
-        if to_s < self._now_s:
-            raise InputError(f"to_s = {to_s!r} s lies before the stage's {self._now_s!r} s; time only moves forward")
+        if not self._now_s <= to_s < math.inf:
+            raise InputError(f"to_s = {to_s!r} s is not allowed; allowed: any from {self._now_s!r} s on; time only moves forward")
         # What may come next is compared first: nearly every call ends before it.
         while self._reversal_s <= to_s or self._now_s < self._charging_from_s <= to_s:
             at_s = self._next_event_s()

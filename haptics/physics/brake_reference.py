@@ -217,6 +217,9 @@ class ReferenceBrakes(BrakeBase):
                         rising = not rising
                     else:
                         mode = why
+            if (pieces[-1].mode, mode) == (SLACK, STICKS) and float(state[0]) < 2.0 * _PAST_N:
+                # Without capacity the border to sliding is the one just passed, and would not be met again.
+                mode = SLIDES
             if mode == SLIDES:
                 slip_m = self._slip(k, mode, slip_m, state)
 

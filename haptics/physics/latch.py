@@ -16,7 +16,7 @@ from haptics.errors import InputError
 from haptics.physics.latch_dynamic import DynamicLatch
 from haptics.physics.latch_event import EventLatch, effective_volts, travel_table
 from haptics.physics.latch_parameters import LATCH, LONGEST_PULSE_S, NOMINAL_VOLTS, LatchParameters
-from haptics.physics.latch_plant import Latched, LatchPlant, checked_resistance
+from haptics.physics.latch_plant import BeyondStop, Latched, LatchPlant, checked_resistance
 from haptics.units import in_range, one_of
 
 LEVELS: tuple[str, ...] = ("event", "table", "dynamic", "reference")
@@ -99,7 +99,8 @@ def switch(
 
     :param pulse_s: 0 to 10 s. :param volts: magnitude at the terminals, 0 to 50 V; the direction gives the sign.
     :param rise_k: the coil's rise above the room, -50 to 200 K.
-    :raises InputError: anything outside these ranges.
+    :raises InputError: anything outside these ranges; or, at any level but ``event``, a pulse that presses the pin deeper into a
+        stop than the forces are known for (a long one of some 35 V or more, cold, into the foam under the off plate).
     """
     in_range("pulse_s", pulse_s, 0.0, LONGEST_TRIED_S, "s")
     least_s = least_pulse_s(volts, direction, rise_k, level, parameters)
@@ -153,7 +154,10 @@ def least_pulse_s(
     target = "on" if direction == "off-on" else "off"
 
     def switches(pulse_s: float) -> bool:
-        return _pulsed(pulse_s, volts, direction, rise_k, level, parameters).latched == target
+        try:
+            return _pulsed(pulse_s, volts, direction, rise_k, level, parameters).latched == target
+        except BeyondStop:
+            return True  # it came to the far stop, and further than the model goes
 
     low, high = 0.0, _SEARCH_S
     if not switches(high):

@@ -23,6 +23,7 @@ from haptics.physics.latch_dynamic import STEP_S
 from haptics.physics.latch_flow import flow_table
 from haptics.physics.latch_kernel import kernel_parameters
 from haptics.physics.latch_parameters import LATCH, LatchParameters
+from haptics.physics.latch_plant import beyond_stop
 from haptics.physics.latch_table import wells
 from haptics.units import in_range, one_of
 
@@ -84,7 +85,8 @@ class LatchBank:
         """From ``time_s`` on, ``volts`` on the terminals (a number, or one each; positive toward the skin; 0 shorts the coil).
 
         :param rise_k: the coils' rise above the room, a number or one each.
-        :raises InputError: time going back, anything not finite, more than 1 kV, or a rise that leaves no resistance.
+        :raises InputError: time going back, anything not finite, more than 1 kV, a rise that leaves no resistance, or (here or
+            in ``advance``) volts that press a pin deeper into a stop than the forces are known for.
         """
         count = len(self._state)
         each_v = self._each("volts", volts, count)
@@ -95,11 +97,13 @@ class LatchBank:
             raise InputError(f"rise_k makes a coil's resistance {ohms.min():g} ohm; it must stay positive")
         self._forward(time_s)
         self._loop.drive(self._state, self._seen, self._now_s, each_v, ohms, *self._model)
+        self._check_depth()
 
     def advance(self, to_s: float) -> None:
         """Carry every actuator to ``to_s``. :raises InputError: time going back."""
         self._forward(to_s)
         self._loop.carry(self._state, self._seen, self._now_s, *self._model)
+        self._check_depth()
 
     @property
     def position_m(self) -> Floats:
@@ -150,6 +154,11 @@ class LatchBank:
                 f"time = {to_s!r} s lies before the bank's {self._now_s!r} s or never comes; time only moves forward"
             )
         self._now_s = float(to_s)
+
+    def _check_depth(self) -> None:
+        lost = np.isnan(self._state[:, self._loop.X])
+        if lost.any():
+            raise beyond_stop(self.parameters, float(self._state[lost, self._loop.VOLTS][0]))
 
     @staticmethod
     def _each(name: str, values: ArrayLike, count: int) -> Floats:

@@ -7,17 +7,21 @@ bank was made, but ``TIME``, which counts from ``FROM``.
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import Any
 
+from haptics.physics import latch_flow, latch_kernel
 from haptics.physics.latch_flow import flight
 from haptics.physics.latch_kernel import kernel, maybe_compiled
+from haptics.physics.latch_plant import DEEPEST
 
 X, V, AMPS, TIME, CHARGE, FROM, ENERGY, TOUCHING, LAST, RESTS, VOLTS, OHMS = range(12)
 """Columns of ``state``: position, speed, current; time and charge since ``FROM``, when the drive last changed, and energy before;
 what is touched, the stop last reached, whether it rests; the drive."""
-LANDED, LANDED_V, LANDED_I, LANDED_VOLTS, LANDED_OHMS, CHANGED = range(12, 18)
-"""The last landing: when (nan: forgotten), speed, current, drive; and when the drive changed for the first time since."""
-WIDTH = 18
+LANDED, LANDED_V, LANDED_I, LANDED_VOLTS, LANDED_OHMS, LANDED_J, CHANGED = range(12, 19)
+"""The last landing: when (nan: forgotten), speed, current, drive, the energy taken till then; and when the drive changed for the
+first time since."""
+WIDTH = 19
 SKIN_S, OFF_S, IMPACT, ARRIVALS = range(4)
 """Columns of ``seen``: when the skin and the off stop were last reached (nan: never), speed there, and how often either was."""
 _STILL_M_S = 1e-4
@@ -47,12 +51,24 @@ def _rest(s: Any, p: Any) -> None:
             force -= p[14] * (x - p[15])
             slope -= p[14]
         x -= force / slope
+        if not -DEEPEST * d <= x <= stroke + DEEPEST * d:
+            x = math.nan
+            break
         if abs(force) < 1e-13 * abs(slope):
             break
     s[X], s[V], s[AMPS], s[RESTS] = x, 0.0, i, 1.0
 
 
 rest: Any = maybe_compiled(_rest)
+
+
+def _rest_now(s: Any, p: Any) -> None:
+    """Count a pin that bounces as at rest and the current as settled, less the charge that its settling takes from it."""
+    s[CHARGE] -= p[9] * (s[VOLTS] / s[OHMS] - s[AMPS]) / s[OHMS]
+    rest(s, p)
+
+
+rest_now: Any = maybe_compiled(_rest_now)
 
 
 def _bounces_j(s: Any, time_s: float, p: Any) -> float:
@@ -104,9 +120,10 @@ def _carry_one(
             s[LAST] = side
             if tabled and holds(0.5 * p[1] * v * v, side, s[VOLTS], s[OHMS], wells):
                 s[LANDED], s[LANDED_V], s[LANDED_I], s[CHANGED] = s[FROM] + t, v, i, math.inf
-                s[LANDED_VOLTS], s[LANDED_OHMS] = s[VOLTS], s[OHMS]
-                s[CHARGE] -= p[9] * (s[VOLTS] / s[OHMS] - i) / s[OHMS]
-                rest(s, p)
+                s[LANDED_VOLTS], s[LANDED_OHMS], s[LANDED_J] = s[VOLTS], s[OHMS], s[ENERGY] + s[VOLTS] * charge
+                rest_now(s, p)
+        elif why == 8:
+            s[X], s[RESTS] = math.nan, 1.0
 
 
 carry_one: Any = maybe_compiled(_carry_one)
@@ -116,17 +133,22 @@ def _catch_up(s: Any, time_s: float, step: float, near: float, p: Any) -> None:
     """Bounce from the last landing to ``time_s`` under what has driven the coil since."""
     stroke = p[0]
     x, v, i, touching = stroke if s[TOUCHING] > 0.0 else 0.0, s[LANDED_V], s[LANDED_I], int(s[TOUCHING])
-    t = s[LANDED]
+    energy_j = s[LANDED_J]
     for part in range(2):
         volts, ohms = (s[LANDED_VOLTS], s[LANDED_OHMS]) if part == 0 else (s[VOLTS], s[OHMS])
-        end = min(s[CHANGED], time_s) if part == 0 else time_s
+        from_s = s[LANDED] if part == 0 else min(s[CHANGED], time_s)
+        # Counted from the change of drive: near a billion seconds a bounce would be lost in rounding.
+        t, end, charge = 0.0, (min(s[CHANGED], time_s) if part == 0 else time_s) - from_s, 0.0
         why = 1
-        while t < end and why != 5:
+        while t < end and why != 5 and why != 8:
             marker = stroke - near if s[LAST] > 0.0 else near if s[LAST] < 0.0 else -1.0
-            x, v, i, touching, t, why, _ = integrate(x, v, i, touching, t, end, step, False, volts, ohms, marker, 0.0, p)
+            x, v, i, touching, t, why, charge = integrate(x, v, i, touching, t, end, step, False, volts, ohms, marker, charge, p)
             if why == 1 or why == 3 or why == 6:
                 s[LAST] = 1.0 if why == 1 else -1.0 if why == 3 else 0.0
-        t = end
+        if why == 8:
+            x = math.nan
+        energy_j += volts * (charge + volts / ohms * (end - t))
+    s[ENERGY] = energy_j
     s[X], s[V], s[AMPS], s[TOUCHING], s[RESTS], s[LANDED] = x, v, i, touching, 0.0, math.nan
 
 
@@ -175,10 +197,25 @@ def _drive(
             # One change of drive is remembered; a second one while it still bounces is worth catching up for.
             s[CHANGED] = time_s
             s[VOLTS], s[OHMS] = volts[k], ohms[k]
-            rest(s, p)
+            rest_now(s, p)
         else:
             catch_up(s, time_s, step, near, p)
             s[VOLTS], s[OHMS] = volts[k], ohms[k]
 
 
 drive: Any = maybe_compiled(_drive)
+
+
+def _forget_stale() -> None:
+    """Remove cached machine code of this file that is older than the files whose code is compiled into it.
+
+    The cache of one file does not see that another has changed.
+    """
+    newest = max(Path(source.__code__.co_filename).stat().st_mtime for source in (latch_kernel.integrate, latch_flow.fly))
+    stats = getattr(carry, "stats", None)  # none where numba is not installed
+    for index in Path(stats.cache_path).glob(f"{Path(__file__).stem}.*.nbi") if stats is not None else ():
+        if index.stat().st_mtime < newest:
+            index.unlink(missing_ok=True)
+
+
+_forget_stale()

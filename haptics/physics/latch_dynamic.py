@@ -11,6 +11,7 @@ from collections import deque
 
 from haptics.errors import InputError
 from haptics.physics.latch_kernel import (
+    BEYOND,
     FREE,
     LEFT_OFF,
     LEFT_ON,
@@ -25,7 +26,7 @@ from haptics.physics.latch_kernel import (
     kernel_parameters,
 )
 from haptics.physics.latch_parameters import LATCH, LatchParameters
-from haptics.physics.latch_plant import Latched, LatchEvent, checked_resistance, latched_at
+from haptics.physics.latch_plant import DEEPEST, Latched, LatchEvent, beyond_stop, checked_resistance, checked_time, latched_at
 from haptics.units import in_range
 
 STEP_S = 20e-6
@@ -81,9 +82,7 @@ class DynamicLatch:
         self._resting = False
 
     def advance(self, to_s: float) -> None:
-        if not to_s >= self._now_s:
-            raise InputError(f"to_s = {to_s!r} s lies before the actuator's {self._now_s!r} s; time only moves forward")
-        self._now_s = to_s
+        self._now_s = checked_time(to_s, self._now_s)
         self._peeked = None
         if not self._resting:
             self._run(to_s - self._origin_s, whole=True)
@@ -171,6 +170,8 @@ class DynamicLatch:
         elif why == RESTING:
             self._resting = True
             self._settle()
+        elif why == BEYOND:
+            raise beyond_stop(self._parameters, self._volts)
         else:
             assert why in (REACHED_ON, REACHED_OFF, LEFT_ON, LEFT_OFF)
 
@@ -182,6 +183,8 @@ class DynamicLatch:
             why = RESTING if self._resting else REACHED_ON
             while why not in (REACHED_END, RESTING):
                 why = self._step(end, False, -1.0)
+                if why == BEYOND:
+                    raise beyond_stop(self._parameters, self._volts)
             self._peeked = (self._x, self._v, self._i, self._charge + self._volts / self._resistance * (end - self._t))
             self._x, self._v, self._i, self._touching, self._t, self._charge = committed
         return self._peeked
@@ -206,5 +209,7 @@ class DynamicLatch:
                 force -= p.skin_stiffness_n_m * (x - p.skin_at_m)
                 slope -= p.skin_stiffness_n_m
             self._x -= force / slope
+            if not -DEEPEST * p.plate_length_m <= self._x <= p.stroke_m + DEEPEST * p.plate_length_m:
+                raise beyond_stop(p, self._volts)
             if abs(force) < 1e-13 * abs(slope):
                 return

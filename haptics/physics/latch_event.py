@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 from haptics.errors import InputError
 from haptics.physics.latch_parameters import LATCH, NOMINAL_VOLTS, LatchParameters
-from haptics.physics.latch_plant import Latched, LatchEvent, checked_resistance, latched_at
+from haptics.physics.latch_plant import Latched, LatchEvent, checked_resistance, checked_time, latched_at
 from haptics.physics.parameters import Parameters, parameter
 from haptics.units import in_range
 
@@ -142,7 +142,9 @@ class EventLatch:
         toward_on = volts > 0
         effective_v = effective_volts(abs(volts), resistance)
         travel_s = self._table.travel_s(toward_on, effective_v)
-        if math.isfinite(travel_s) and not FITTED_V[0] <= effective_v * (1 + 1e-9) <= FITTED_V[1] * (1 + 2e-9):
+        # Too weak to carry a pin that rests, it still pushes one that flies.
+        acts = math.isfinite(travel_s) or (flying and volts != 0.0)
+        if acts and not FITTED_V[0] <= effective_v * (1 + 1e-9) <= FITTED_V[1] * (1 + 2e-9):
             self._outside[outside_volts(effective_v)] = None
         if volts != 0.0 and math.isfinite(travel_s):
             left = 1.0 - u if toward_on else u
@@ -170,9 +172,7 @@ class EventLatch:
             self._outside[_SKIN] = None
 
     def advance(self, to_s: float) -> None:
-        if not to_s >= self._now_s:
-            raise InputError(f"to_s = {to_s!r} s lies before the actuator's {self._now_s!r} s; time only moves forward")
-        self._now_s = to_s
+        self._now_s = checked_time(to_s, self._now_s)
         if self._leave_s <= to_s:
             self._events.append(LatchEvent(self._leave_s, "left_skin", self.speed_m_s))
             self._leave_s, self._touching_skin = math.inf, False

@@ -166,6 +166,13 @@ def fly(
         else:
             e0, e1 = norm * math.exp(-x1 / length), norm * math.exp((x1 - stroke) / length)
         i1 = (volts - k1 * v1) / resistance + tau / resistance * ((e1 - e0) / length * v1 * v1 + k1 * a1)
+        # What of the current's way back is still to come is left to the next span, with its push.
+        unsettled = math.exp(-cut * span / tau)
+        if unsettled > 1e-12:
+            i1 += (i - i_slow) * unsettled
+            v1 -= kick * unsettled
+            if why == 0:
+                x1 += kick * unsettled * tau
         passed_off = math.exp(-x / length) - math.exp(-x1 / length)
         passed_on = math.exp((x1 - stroke) / length) - math.exp((x - stroke) / length)
         flux = norm * length * (passed_off + passed_on)

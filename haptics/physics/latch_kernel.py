@@ -24,9 +24,11 @@ from functools import cache
 from typing import Any
 
 from haptics.physics.latch_parameters import LatchParameters
+from haptics.physics.latch_plant import DEEPEST
 
-REACHED_END, REACHED_ON, LEFT_ON, REACHED_OFF, LEFT_OFF, RESTING, PASSED = 0, 1, 2, 3, 4, 5, 6
-"""Why ``integrate`` came back. PASSED: the pin went through the marker position."""
+REACHED_END, REACHED_ON, LEFT_ON, REACHED_OFF, LEFT_OFF, RESTING, PASSED, BEYOND = 0, 1, 2, 3, 4, 5, 6, 8
+"""Why ``integrate`` came back. PASSED: the pin went through the marker position. BEYOND: it is so deep in a stop that the
+plates' law has no meaning (7 is ``latch_flow.UNTABLED``)."""
 OFF_STOP, FREE, ON_STOP = -1, 0, 1
 """What the magnet touches."""
 
@@ -57,11 +59,13 @@ def integrate(
     norm = thrust / (1.0 + math.exp(-stroke / length))
     rate = resistance / inductance
     why = 0
+    if not -DEEPEST * d <= x <= stroke + DEEPEST * d:
+        return x, v, i, touching, t, 8, charge
     while t < end:
         h = step
         # A bounce off a hard stop is shorter than a step: follow it down to 1 us; what is faster the implicit step damps.
         if touching != 0:
-            h = min(h, max(1e-6, 0.35 * math.sqrt(mass / (k_off if touching < 0 else k_on))))
+            h = min(h, max(1e-6, 0.2 * math.sqrt(mass / (k_off if touching < 0 else k_on))))
         else:
             # No long step across a bounce: plates and speed say how soon the pin could be back.
             h = min(h, max(20e-6, 0.5 * abs(v) * mass / (hold_on + hold_off + 1e-9)))
@@ -202,6 +206,8 @@ def integrate(
         charge += (volts * h - flux - inductance * (i1 - i)) / resistance
         x, v, i = x1, v1, i1
         t = end if last else t + h
+        if not -DEEPEST * d <= x <= stroke + DEEPEST * d:
+            return x, v, i, touching, t, 8, charge
         if moved_on:
             if cut < 1.0:
                 x = target

@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from haptics.physics.parameters import Parameters, parameter
+from haptics.units import in_range
 
 
 @dataclass(frozen=True)
@@ -38,6 +39,11 @@ class LatchParameters(Parameters):
     skin_stiffness_n_m: float = parameter(0.0, "N/m", "assumed", "0: free pin; a fingertip is some 300 N/m", low=0.0, high=1e6)
     skin_at_m: float = parameter(1.5e-3, "m", "assumed", "position where the pin meets the skin", low=0.0, high=0.1)
     near_stop_m: float = parameter(1e-4, "m", "assumed", "closer than this counts as latched", low=1e-9, high=0.05)
+
+    def __post_init__(self) -> None:
+        """As ``Parameters``; and a pin in the middle must not be near both stops, or any pin would count as latched on."""
+        super().__post_init__()
+        in_range("near_stop_m", self.near_stop_m, 0.0, 0.5 * self.stroke_m, "m")
 
 
 LATCH = LatchParameters()

@@ -10,6 +10,8 @@ from haptics.errors import InputError
 from haptics.physics.latch_parameters import LatchParameters
 
 Latched = Literal["on", "off", "between"]
+DEEPEST = 0.9
+"""How deep into a stop the plates' law is followed, in plate lengths; at a whole one it has a pole."""
 EventKind = Literal["reached_skin", "left_skin", "reached_off"]
 
 
@@ -91,6 +93,28 @@ def checked_resistance(parameters: LatchParameters, rise_k: float) -> float:
     if not 0.0 < resistance < math.inf:
         raise InputError(f"rise_k = {rise_k:g} K makes the coil's resistance {resistance:g} ohm; it must stay positive")
     return resistance
+
+
+def checked_time(to_s: float, now_s: float) -> float:
+    """``to_s`` if it is a time that comes, and not before ``now_s``.
+
+    :raises InputError: it is not.
+    """
+    if not now_s <= to_s < math.inf:
+        raise InputError(f"time = {to_s!r} s is not allowed; allowed: any from {now_s!r} s on; time only moves forward")
+    return to_s
+
+
+class BeyondStop(InputError):
+    """A pin is pressed so deep into a stop that the plates' law has no meaning there."""
+
+
+def beyond_stop(parameters: LatchParameters, volts: float) -> BeyondStop:
+    """What to raise then, in words."""
+    return BeyondStop(
+        f"volts = {volts:g} V is not allowed with {parameters}: it presses the pin more than "
+        f"{DEEPEST * parameters.plate_length_m * 1e3:.3g} mm into a stop, past all that the forces are known for"
+    )
 
 
 def latched_at(position_m: float, parameters: LatchParameters) -> Latched:

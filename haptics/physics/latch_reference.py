@@ -17,7 +17,15 @@ from scipy.integrate import solve_ivp
 
 from haptics.errors import InputError
 from haptics.physics.latch_parameters import LATCH, LatchParameters
-from haptics.physics.latch_plant import Latched, LatchEvent, checked_resistance, latched_at
+from haptics.physics.latch_plant import (
+    DEEPEST,
+    Latched,
+    LatchEvent,
+    beyond_stop,
+    checked_resistance,
+    checked_time,
+    latched_at,
+)
 from haptics.units import in_range
 
 RELATIVE_TOLERANCE = 1e-10
@@ -54,10 +62,13 @@ class ReferenceLatch:
     def drive(self, time_s: float, volts: float) -> None:
         volts = in_range("volts", volts, -1e3, 1e3, "V")
         resistance = checked_resistance(self._p, self.rise_k)
+        if (volts, resistance) == (self._volts, self._resistance):
+            # The leg goes on; its time must not be counted anew.
+            self.advance(time_s)
+            return
         self._commit(time_s)
-        if (volts, resistance) != (self._volts, self._resistance):
-            self._volts, self._resistance = volts, resistance
-            self._next_leg()
+        self._volts, self._resistance = volts, resistance
+        self._next_leg()
 
     def load_skin(self, time_s: float, stiffness_n_m: float, at_m: float) -> None:
         parameters = self._p.with_values(skin_stiffness_n_m=stiffness_n_m, skin_at_m=at_m)
@@ -66,8 +77,7 @@ class ReferenceLatch:
         self._next_leg()
 
     def advance(self, to_s: float) -> None:
-        if not to_s >= self._now_s:
-            raise InputError(f"to_s = {to_s!r} s lies before the actuator's {self._now_s!r} s; time only moves forward")
+        checked_time(to_s, self._now_s)
         while self._ends_s <= to_s:
             self._end_leg()
         self._now_s = to_s
@@ -149,9 +159,9 @@ class ReferenceLatch:
         """What ends a leg: its name, where, and in which direction of motion."""
         p = self._p
         if self._stop == "on":
-            return [("leave", p.stroke_m, -1)]
+            return [("leave", p.stroke_m, -1), ("beyond", p.stroke_m + DEEPEST * p.plate_length_m, 1)]
         if self._stop == "off":
-            return [("leave", 0.0, 1)]
+            return [("leave", 0.0, 1), ("beyond", -DEEPEST * p.plate_length_m, -1)]
         borders = [("on", p.stroke_m, 1), ("off", 0.0, -1)]
         if self._away_from == "on":
             borders.append(("passed", p.stroke_m - p.near_stop_m, -1))
@@ -161,6 +171,8 @@ class ReferenceLatch:
 
     def _end_leg(self) -> None:
         """Take the leg's end as the state, tell what happened there, and go on."""
+        if self._why == "beyond":
+            raise beyond_stop(self._p, self._volts)
         time_s = self._ends_s
         self._state, self._from_s, why = self._at(time_s), time_s, self._why
         self._energy_j += self._volts * float(self._state[3])
@@ -190,10 +202,19 @@ class ReferenceLatch:
         return abs(v) < _REST_M_S and abs(acceleration) < _REST_M_S2 and abs(i - self._volts / self._resistance) < _REST_A
 
     def _rest(self) -> None:
-        """Jump to the equilibrium against the stop, by bisection: the stop's force grows with depth."""
+        """Jump to the equilibrium against the stop, by bisection between the stop and the least depth that it pushes back from.
+
+        Strong volts make a second equilibrium further in, from which the pin would go through; it is not the one meant.
+        """
         p, i = self._p, self._volts / self._resistance
         force, stop = self._force(), 0.0 if self._stop == "off" else p.stroke_m
-        low, high = (stop - p.stroke_m, stop) if self._stop == "off" else (stop, stop + p.stroke_m)
+        into = -1.0 if self._stop == "off" else 1.0
+        depth_m = max(1e-9, 0.9 * into * (float(self._state[0]) - stop))
+        while into * force(stop + into * depth_m, 0.0, i) > 0.0:
+            depth_m *= 1.02
+            if depth_m > DEEPEST * p.plate_length_m:
+                raise beyond_stop(p, self._volts)
+        low, high = sorted((stop, stop + into * depth_m))
         for _ in range(80):
             middle = 0.5 * (low + high)
             low, high = (middle, high) if force(middle, 0.0, i) > 0.0 else (low, middle)

@@ -22,6 +22,8 @@ from haptics.physics.latch_parameters import LATCH, LatchParameters
 from haptics.physics.latch_plant import Latched
 
 _STILL_M_S = 1e-4
+_SETTLED = 12.0
+"""Time constants of the coil after which its current counts as settled."""
 
 
 class TableLatch(DynamicLatch):
@@ -48,16 +50,17 @@ class TableLatch(DynamicLatch):
             return
         if landed.energy_j(time_s, self._parameters) < landed.negligible_j(self._parameters):
             self._landed = None
-        elif self._holds(landed, time_s):
+        elif self._holds(landed, time_s) and time_s - landed.drives[-1][0] > _SETTLED * self._coil_s:
             landed.drives.append((time_s, self._volts, self._resistance))
-            self._resting = True
-            self._settle()
+            self._rest_now()
         else:
             self._catch_up(landed, time_s)
 
     def load_skin(self, time_s: float, stiffness_n_m: float, at_m: float) -> None:
+        self._commit(time_s)
+        if self._landed is not None:
+            self._catch_up(self._landed, time_s)
         super().load_skin(time_s, stiffness_n_m, at_m)
-        self._landed = None
 
     def _step(self, end: float, whole: bool, marker: float) -> int:
         table = self._table
@@ -74,11 +77,21 @@ class TableLatch(DynamicLatch):
         super()._tell(why)
         if why not in (REACHED_ON, REACHED_OFF):
             return
-        landed = _Landing(time_s, speed, self._i, self._touching, [(time_s, self._volts, self._resistance)])
+        taken_j = self._energy_j + self._volts * self._charge
+        landed = _Landing(time_s, speed, self._i, self._touching, taken_j, [(time_s, self._volts, self._resistance)])
         if self._holds(landed, time_s):
-            self._landed, self._resting = landed, True
-            self._charge -= self._parameters.inductance_h * (self._volts / self._resistance - self._i) / self._resistance
-            self._settle()
+            self._landed = landed
+            self._rest_now()
+
+    @property
+    def _coil_s(self) -> float:
+        return self._parameters.inductance_h / self._resistance
+
+    def _rest_now(self) -> None:
+        """Count the pin as at rest and the current as settled, less the charge that its settling takes from it."""
+        self._charge -= self._parameters.inductance_h * (self._volts / self._resistance - self._i) / self._resistance
+        self._resting = True
+        self._settle()
 
     def _holds(self, landed: _Landing, time_s: float) -> bool:
         """Whether plates and coil keep a pin that still bounces at the stop it landed on."""
@@ -101,18 +114,26 @@ class TableLatch(DynamicLatch):
         ghost._commit(time_s)
         self._x, self._v, self._i, self._touching = ghost._x, ghost._v, ghost._i, ghost._touching
         self._touch_on, self._touch_off = ghost._touch_on, ghost._touch_off
+        self._energy_j = landed.taken_j + ghost._energy_j
         self._landed, self._resting, self._peeked = None, False, None
 
 
 class _Landing:
-    """A pin that has met a stop: when, how fast, and what has driven its coil since."""
+    """A pin that has met a stop: when, how fast, the energy taken till then, and what has driven its coil since."""
 
-    __slots__ = ("current_a", "drives", "speed_m_s", "time_s", "touching")
+    __slots__ = ("current_a", "drives", "speed_m_s", "taken_j", "time_s", "touching")
 
     def __init__(
-        self, time_s: float, speed_m_s: float, current_a: float, touching: int, drives: list[tuple[float, float, float]]
+        self,
+        time_s: float,
+        speed_m_s: float,
+        current_a: float,
+        touching: int,
+        taken_j: float,
+        drives: list[tuple[float, float, float]],
     ):
-        self.time_s, self.speed_m_s, self.current_a, self.touching, self.drives = time_s, speed_m_s, current_a, touching, drives
+        self.time_s, self.speed_m_s, self.current_a, self.touching = time_s, speed_m_s, current_a, touching
+        self.taken_j, self.drives = taken_j, drives
 
     def energy_j(self, time_s: float, p: LatchParameters) -> float:
         """What the bounces may still hold: drag takes energy at ``b/m`` in the mean over bounces; half of that is counted on."""

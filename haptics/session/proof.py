@@ -22,7 +22,9 @@ from haptics.time import NS_PER_MS
 
 ALL_REFERENCE = {"latch": "reference", "brake": "reference"}
 HELD_NS = 60 * NS_PER_MS
-"""A brake's force counts as held this long after half of it was there, and until that long before it is let go."""
+"""A brake's force counts as held from this long after half of it was there."""
+LET_GO_NS = 2 * NS_PER_MS
+"""And until this long before it is let go."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,9 +154,6 @@ def _held(times_ns: np.ndarray, channel: int, session: Session) -> np.ndarray:
         if kind == "half_capacity":
             since = at + HELD_NS
         elif kind == "shorted" and since is not None:
-            held |= (times_ns >= since) & (times_ns <= at - SAMPLE_MARGIN_NS)
+            held |= (times_ns >= since) & (times_ns <= at - LET_GO_NS)
             since = None
     return held
-
-
-SAMPLE_MARGIN_NS = 2 * NS_PER_MS

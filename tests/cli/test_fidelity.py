@@ -95,6 +95,5 @@ def test_levels_of_a_brake_differ_where_they_should(answer):
         for level in ("static", "lagged", "reference")
     }
     assert {row["level"] for row in found.values()} == {"static", "lagged", "reference"}
-    assert found["static"]["ripple_n"] == 0.0
-    assert found["lagged"]["ripple_n"] > 0.05
+    assert found["static"]["ripple_n"] < 0.3 * found["lagged"]["ripple_n"]  # overlap that slides away; no dips
     assert found["lagged"]["plateau_n"] == pytest.approx(found["reference"]["plateau_n"], rel=0.01)

@@ -9,14 +9,17 @@ from haptics.errors import InputError
 from haptics.physics import parameters
 from haptics.physics.brake_contact import CONTACT
 from haptics.physics.brake_drive import DRIVE
+from haptics.physics.brake_finger import FINGER
 from haptics.physics.brake_parameters import BRAKE
 from haptics.physics.latch_event import TRAVEL
 from haptics.physics.latch_parameters import LATCH
 from haptics.physics.parameters import provenance
 from haptics.physics.piezo import PIEZO
+from haptics.physics.recoil import RECOIL
 from haptics.physics.thermal import THERMAL
+from haptics.physics.thermal_two_node import TWO_NODE
 
-SETS = [BRAKE, CONTACT, DRIVE, LATCH, PIEZO, THERMAL, TRAVEL]
+SETS = [BRAKE, CONTACT, DRIVE, FINGER, LATCH, PIEZO, RECOIL, THERMAL, TRAVEL, TWO_NODE]
 
 
 @pytest.mark.parametrize("parameters_of", SETS, ids=lambda p: type(p).__name__)
