@@ -85,9 +85,11 @@ def plan(
         return
     print_table(
         f"plan for {made.scene}, errors up to {made.tolerance:.3g} of what is just noticed",
-        ("device", "model", "level", "count", "observable", "error", "limit", "why"),
-        ((r.device, r.model, r.level, r.count, f"{r.observable} {r.unit}", r.error, r.limit, r.why) for r in made.rows),
+        ("device", "model", "level", "count", "nearest to be noticed", "error", "limit"),
+        ((r.device, r.model, r.level, r.count, f"{r.observable} {r.unit}", r.error, r.limit) for r in made.rows),
     )
+    for row in made.rows:
+        print(f"{row.device}: {row.why}.")
     if made.absent:
         print_table("absent", ("device", "why"), ((a.device, a.why) for a in made.absent))
     if made.over_budget:
