@@ -1,7 +1,7 @@
 """The bistable actuator of a TacTiles glove: does a pulse switch it, when does the pin arrive, what does it cost.
 
 Levels, one interface (``LatchPlant``) and one parameter set, from cheap to exact: ``event`` (state table with travel times),
-``table`` (flight looked up, contact stepped), ``dynamic`` (equation of motion in 20 us steps), ``reference`` (order 8, located
+``table`` (flight looked up, contact stepped), ``dynamic`` (equation of motion in 50 us steps), ``reference`` (order 8, located
 events). Directions: ``off-on`` carries the pin toward the skin, ``on-off`` back. The stated drive is a square pulse
 of at most 5 V and 10 ms (thesis 3.4.3); what lies beyond is computed, and answered as not valid.
 """

@@ -54,7 +54,7 @@ def _rest(s: Any, p: Any) -> None:
         if not -DEEPEST * d <= x <= stroke + DEEPEST * d:
             x = math.nan
             break
-        if abs(force) < 1e-13 * abs(slope):
+        if abs(force) < 1e-9 * abs(slope):  # converges as the square: this step was the last that counts
             break
     s[X], s[V], s[AMPS], s[RESTS] = x, 0.0, i, 1.0
 

@@ -208,6 +208,7 @@ class FlowTable:
     error_m: float
 
 
+@lru_cache(maxsize=256)
 def flow_table(parameters: LatchParameters) -> FlowTable | None:
     """The table of a parameter set, or None where half a millisecond is too long a span for it.
 

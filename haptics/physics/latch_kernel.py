@@ -64,8 +64,12 @@ def integrate(
     while t < end:
         h = step
         # A bounce off a hard stop is shorter than a step: follow it down to 1 us; what is faster the implicit step damps.
+        # Bounces below 0.15 m/s decide nothing any more.
         if touching != 0:
-            h = min(h, max(1e-6, 0.2 * math.sqrt(mass / (k_off if touching < 0 else k_on))))
+            stop_rate2 = (k_off if touching < 0 else k_on) / mass
+            depth = x if touching < 0 else x - stroke
+            share = 0.2 if v * v + stop_rate2 * depth * depth > 0.15 * 0.15 else 0.3
+            h = min(h, max(1e-6, share / math.sqrt(stop_rate2)))
         else:
             # No long step across a bounce: plates and speed say how soon the pin could be back.
             h = min(h, max(20e-6, 0.5 * abs(v) * mass / (hold_on + hold_off + 1e-9)))

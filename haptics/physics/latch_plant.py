@@ -53,7 +53,7 @@ class LatchPlant(Protocol):
         ...
 
     def take_events(self) -> list[LatchEvent]:
-        """Events since the last call, in order. One may come up to a step (20 us) after ``advance`` has passed it."""
+        """Events since the last call, in order. One may come up to a step (50 us) after ``advance`` has passed it."""
         ...
 
     @property

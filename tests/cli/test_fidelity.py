@@ -38,7 +38,8 @@ def test_a_plan_keeps_its_contract(answer):
         assert absence.keys() >= {"device", "why"}
 
 
-def test_tables_name_what_they_show(command):
+def test_tables_name_what_they_show(command, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "200")  # no word is broken between lines
     for words, named in (
         (("fidelity", "plan", "desk"), ("latch", "unnoticed", "no grasp")),
         (("fidelity", "measure", "--shipped"), ("arrival time, ms", "dynamic", "us an event")),
