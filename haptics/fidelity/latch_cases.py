@@ -16,6 +16,7 @@ import numpy as np
 
 from haptics.errors import InputError
 from haptics.physics.latch import UNCERTAIN_WITHIN, latch_plant, least_pulse_s
+from haptics.physics.latch_dynamic import DynamicLatch
 from haptics.physics.latch_parameters import LATCH, LatchParameters
 from haptics.physics.latch_plant import Latched
 from haptics.physics.thermal import THERMAL
@@ -23,6 +24,9 @@ from haptics.physics.thermal import THERMAL
 Stroke = tuple[float, float]
 """Volts (signed), seconds."""
 SETTLE_S = 0.3
+_FINE_S = 5e-6
+_HARDEST = 10
+"""Cases taken for each level and observable."""
 STEADY_K = THERMAL.c_k_per_w * 0.36
 """Rise of an actuator that switches twice a second (thesis 3.5.2): what an error of energy is counted on, in kelvin."""
 
@@ -51,10 +55,16 @@ class LatchRun:
     energy_j: float
 
 
-def play(case: LatchCase, level: str) -> LatchRun | None:
-    """The case at a level; None if the level refuses it or says that it lies outside what it answers for."""
+def play(case: LatchCase, level: str, step_s: float | None = None) -> LatchRun | None:
+    """The case at a level; None if the level refuses it or says that it lies outside what it answers for.
+
+    :param step_s: level ``dynamic`` in other steps than its own.
+    """
     try:
-        plant = latch_plant(level, case.parameters, latched=case.latched)
+        if step_s is None:
+            plant = latch_plant(level, case.parameters, latched=case.latched)
+        else:
+            plant = DynamicLatch(case.parameters, case.latched, step_s=step_s)
         plant.rise_k = case.rise_k
         at_s, last_s = 0.0, 0.0
         for volts, length_s in case.strokes:
@@ -84,6 +94,24 @@ def latch_cases(kind: str, count: int, seed: int = 1) -> list[LatchCase]:
         if len(found) == count:
             break
     return found
+
+
+def hardest_cases(kind: str, among: int, seed: int = 1) -> list[LatchCase]:
+    """Of many more cases, those in which a level is furthest off, in arrival or in impact, by comparison with fine steps.
+
+    The tail of the errors is long: the nearer to the threshold, the more any difference grows. A sample that is small enough
+    for the reference would miss it, and its worst would be no bound.
+    """
+    ranked: dict[tuple[str, str], list[tuple[float, LatchCase]]] = {}
+    for case in latch_cases(kind, among, seed):
+        fine = play(case, "dynamic", _FINE_S)
+        for level in ("event", "table", "dynamic"):
+            run = play(case, level)
+            for observable, error in (errors(run, fine) if run and fine else {}).items():
+                if observable in ("arrival time", "impact speed", "energy"):
+                    ranked.setdefault((level, observable), []).append((error, case))
+    chosen = [sorted(of, key=lambda pair: -pair[0])[:_HARDEST] for of in ranked.values()]
+    return list(dict.fromkeys(case for of in chosen for _, case in of))
 
 
 def errors(run: LatchRun, true: LatchRun) -> dict[str, float]:
