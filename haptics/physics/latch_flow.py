@@ -26,7 +26,7 @@ from haptics.physics.latch_parameters import LATCH, NOMINAL_VOLTS, LatchParamete
 SPAN_S = 0.5e-3
 UNTABLED = 7
 """Why ``fly`` came back, besides what ``latch_kernel`` tells: here the table has no answer."""
-_NODES = ((17, 9, 9), (25, 13, 13), (41, 21, 21))  # of position, speed, voltage; the first that is fine enough is used
+_NODES = ((41, 21, 21), (61, 31, 31))  # of position, speed, voltage; the first that is fine enough is used
 _SUBSTEPS = 20
 _GREATEST_V = 1.4 * NOMINAL_VOLTS  # the coldest coil of least resistance draws as much as this at 5 V
 _FAITHFUL = 2e-5  # of the stroke: greatest error over a span with which a table is used
@@ -212,7 +212,7 @@ class FlowTable:
 def flow_table(parameters: LatchParameters) -> FlowTable | None:
     """The table of a parameter set, or None where half a millisecond is too long a span for it.
 
-    Made once for all coils that differ by resistance and skin only, in some 50 ms.
+    Made once for all coils that differ by resistance and skin only, in under 0.1 s.
     """
     return _flow_table(parameters.with_values(resistance_ohm=LATCH.resistance_ohm, skin_stiffness_n_m=0.0))
 
