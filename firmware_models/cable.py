@@ -1,22 +1,24 @@
-"""A board at the end of its two serial lines: the unit that lives in a world."""
+"""A device at the end of its two serial lines: the unit that lives in a world."""
 
 from __future__ import annotations
 
 from typing import Any
 
-from firmware_models.board import FirmwareModel
-from firmware_models.uart import Line, bauds_agree
+from firmware_models.uart import NEVER_NS, Line, bauds_agree
 
 
 class Cable:
-    """Host end of a board. ``attached`` says whether a host listens; without one the board's bytes are lost.
+    """Host end of a device. ``attached`` says whether a host listens; without one the device's bytes are lost.
 
-    :param options: what the board was made with.
-    :param board: fed from ``to_board``; sends into ``to_host``.
+    :param options: what the device was made with.
+    :param board: a ``FirmwareModel`` or an ``Instrument``; fed from ``to_board``, sends into ``to_host``.
+    :param announce: each frame's arrival at the host is an event of the world, as a host that acts on frames needs it; a host
+        that looks at an instrument's lines now and then does not.
     """
 
-    def __init__(self, board: FirmwareModel, to_host: Line, options: dict[str, Any]):
+    def __init__(self, board: Any, to_host: Line, options: dict[str, Any], announce: bool = True):
         self.board = board
+        self._announce = announce
         self.options = options
         self.to_host = to_host
         self.to_board = Line(to_host.baud)
@@ -28,11 +30,12 @@ class Cable:
         self.to_board.garbled = self.to_host.garbled = not bauds_agree(baud, self.to_host.baud)
 
     def next_event(self) -> int:
-        """Next whole chunk at either end, or the board's own next event."""
-        return min(self.to_board.first_end_ns(), self.board.next_event(), self.to_host.next_after(self.board.now_ns))
+        """Next whole chunk at either end, or the device's own next event."""
+        heard_ns = self.to_host.next_after(self.board.now_ns) if self._announce else NEVER_NS
+        return min(self.to_board.first_end_ns(), self.board.next_event(), heard_ns)
 
     def advance(self, to_ns: int) -> None:
-        """Carry lines and board to ``to_ns``, each frame handled when its last bit is in."""
+        """Carry lines and device to ``to_ns``, each frame handled when its last bit is in."""
         while (arrival_ns := self.to_board.first_end_ns()) <= to_ns:
             self.board.advance(arrival_ns)
             self.board.handle(self.to_board.take_chunk())

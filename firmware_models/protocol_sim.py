@@ -1,4 +1,4 @@
-"""``sim://BOARD?key=value``: a serial port whose other end is a simulated board, for pyserial's ``serial_for_url``.
+"""``sim://BOARD?key=value``: a serial port whose other end is a simulated board or instrument, for pyserial's ``serial_for_url``.
 
 pyserial finds this module by name once "firmware_models" is in ``serial.protocol_handler_packages``. Beyond a serial port
 it offers ``haptics.link.simulated.SimulatedPort``. On the virtual clock a blocking read lets virtual time pass, up to its
@@ -8,6 +8,7 @@ timeout; on the real clock (the default, so that any serial program works) the b
 from __future__ import annotations
 
 import errno
+import importlib
 import time
 from typing import Any
 
@@ -16,6 +17,7 @@ from serial import PortNotOpenError, SerialBase, SerialException
 from firmware_models import world as worlds
 from firmware_models.board import BOARD_OPTIONS, FirmwareModel
 from firmware_models.cable import Cable
+from firmware_models.instrument import INSTRUMENT_OPTIONS, Instrument
 from firmware_models.options import Option, parse_options, split_url
 from firmware_models.uart import NEVER_NS, Line
 from haptics.errors import InputError
@@ -23,6 +25,14 @@ from haptics.time import seconds_to_ns
 from haptics.units import one_of
 
 BOARDS = ("tactiles", "brake")
+_INSTRUMENT_CLASSES = {
+    "thermocouple": ("thermocouple", "Thermocouple"),
+    "accelerometer": ("accelerometer", "Accelerometer"),
+    "loadcell": ("loadcell", "LoadCell"),
+    "stage": ("stage", "Stage"),
+    "probe": ("probe", "Probe"),
+}
+INSTRUMENTS = tuple(_INSTRUMENT_CLASSES)
 _CORES = ("py", "c", "avr")
 PORT_OPTIONS: dict[str, Option] = {
     "world": Option(None, "name of a world that several ports share; default: one of its own"),
@@ -39,6 +49,14 @@ def board_options(board: str) -> dict[str, Option]:
     return {**PORT_OPTIONS, **BOARD_OPTIONS, **_model(board).options()}
 
 
+def instrument_options(instrument: str) -> dict[str, Option]:
+    """Every URL key of an instrument.
+
+    :raises InputError: no such instrument.
+    """
+    return {**PORT_OPTIONS, **INSTRUMENT_OPTIONS, **_instrument(instrument).options()}
+
+
 def _model(board: str) -> type[FirmwareModel]:
     one_of("board", board, BOARDS)
     if board == "tactiles":  # imported late: the plants are not needed to list or to refuse
@@ -50,10 +68,21 @@ def _model(board: str) -> type[FirmwareModel]:
     return BrakeBoard
 
 
+def _instrument(name: str) -> type[Instrument]:
+    one_of("instrument", name, INSTRUMENTS)
+    module, kind = _INSTRUMENT_CLASSES[name]
+    return getattr(importlib.import_module(f"firmware_models.{module}"), kind)
+
+
 def make_cable(board: str, options: dict[str, Any], now_ns: int) -> Cable:
     """A board of that name, powered on at ``now_ns``, at the end of its serial line."""
     to_host = Line(options["baud"])
     return Cable(_model(board)(options, to_host, now_ns), to_host, options)
+
+
+def _make_instrument(name: str, options: dict[str, Any], world: worlds.World) -> Cable:
+    to_host = Line(options["baud"])
+    return Cable(_instrument(name)(options, to_host, world.now_ns, world), to_host, options, announce=False)
 
 
 class Serial(SerialBase):
@@ -73,8 +102,9 @@ class Serial(SerialBase):
         if self.is_open:
             raise SerialException("Port is already open.")
         board, query = split_url(self.port)
+        one_of("board", board, (*BOARDS, *INSTRUMENTS))
         name = query.pop("world", None)
-        options = parse_options(query, board_options(board))
+        options = parse_options(query, instrument_options(board) if board in INSTRUMENTS else board_options(board))
         if options["core"] != "py":
             raise InputError(f"core = {options['core']!r} is not available in this build; allowed: py")
         self._world = worlds.enter(name, options["clock"])
@@ -93,8 +123,8 @@ class Serial(SerialBase):
             now_ns = world.catch_up()
             cable = world.members.get(board)
             if cable is None:
-                cable = make_cable(board, options, now_ns)
-                world.members[board] = cable
+                make = _make_instrument(board, options, world) if board in INSTRUMENTS else make_cable(board, options, now_ns)
+                world.members[board] = cable = make
             if not isinstance(cable, Cable) or cable.attached:
                 raise SerialException(errno.EBUSY, f"{self.port} is open already in this process; close it there first")
             if cable.options != options:
@@ -201,8 +231,8 @@ class Serial(SerialBase):
     # What only a simulated port has.
 
     @property
-    def board(self) -> FirmwareModel:
-        """The board itself, for tests that break its plant."""
+    def board(self) -> Any:
+        """The board or instrument itself, for tests that break its plant."""
         return self._cable.board
 
     @property

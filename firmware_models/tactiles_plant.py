@@ -12,12 +12,13 @@ from typing import Any
 
 import numpy as np
 
+from firmware_models.jammed import JammedLatch
 from firmware_models.options import Option
 from haptics.errors import InputError
 from haptics.link.messages import COIL_CHANNELS
 from haptics.physics.latch import LEVELS, latch_plant
 from haptics.physics.latch_parameters import LATCH, NOMINAL_VOLTS
-from haptics.physics.latch_plant import Latched
+from haptics.physics.latch_plant import Latched, LatchPlant
 from haptics.physics.parameters import provenance
 from haptics.physics.thermal import THERMAL, relax
 from haptics.units import in_range
@@ -32,6 +33,7 @@ PLANT_OPTIONS: dict[str, Option] = {
     "fitted": Option(
         (1 << COIL_CHANNELS) - 1, "channels that have an actuator, as a bit mask", "", 0, (1 << COIL_CHANNELS) - 1, whole=True
     ),
+    "stuck": Option(0, "channels whose pin is stuck at the off stop, as a bit mask", "", 0, (1 << COIL_CHANNELS) - 1, whole=True),
     "supply_v": Option(NOMINAL_VOLTS, "coil supply without load", "V", 0.0, NOMINAL_VOLTS),
     "supply_ohm": Option(0.0, "resistance all coils share", "ohm", 0.0, 10.0),
     **{
@@ -70,8 +72,10 @@ class Actuators:
         self.rise_k = [0.0] * COIL_CHANNELS
         self.switches = [0] * COIL_CHANNELS
         self.events: deque[tuple[int, int, str, float]] = deque(maxlen=_EVENTS_KEPT)
-        self._plants = {
-            channel: latch_plant(options["level"], self.latches[channel])
+        self._plants: dict[int, LatchPlant] = {
+            channel: JammedLatch(self.latches[channel])
+            if options["stuck"] >> channel & 1
+            else latch_plant(options["level"], self.latches[channel])
             for channel in range(COIL_CHANNELS)
             if options["fitted"] >> channel & 1
         }
@@ -101,6 +105,12 @@ class Actuators:
                 self._settle(channel, now_ns)
                 total += abs(self._plants[channel].current_a)
         return total
+
+    def rise(self, channel: int, now_ns: int) -> float:
+        """Temperature rise of one actuator now, K."""
+        if channel in self._awake:
+            self._settle(channel, now_ns)
+        return self.rise_k[channel]
 
     def switch(self, changes: Mapping[int, int], now_ns: int) -> None:
         """Put coils on toward the skin (1), back (-1), or off (0); the others feel it through the supply."""

@@ -15,7 +15,8 @@ Reversal *clamped* (default): the bridge first shorts the output, then charges i
 each half period, ``2 C V f`` in all. *Direct*: the supply drives the whole swing, ``4 C V f``, and must stay at its set
 voltage meanwhile. Supply power is the mean of v i at the supply's output, where a current-limited supply sags to the
 load's voltage: at least ``C V^2 f`` clamped, ``4 C V^2 f`` direct, against the ``C V^2 f / 2`` of Eq 4.4, which counts one
-charge a period. ``C V / I`` is 7.6 ms for the thesis' brake, not the 50 ms of 4.7.1.
+charge a period. ``C V / I`` is 7.6 ms for the thesis' brake, not the 50 ms of 4.7.1. A reservoir on the bus adds a charge share at
+each reversal: ``steady_half_period`` and ``supply_power_w`` know it (``brake_reservoir``), the one capacitance of ``Charging`` does not.
 """
 
 from __future__ import annotations
@@ -24,6 +25,8 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from haptics.errors import InputError
+from haptics.physics.brake_reservoir import Bus, steady
 from haptics.physics.parameters import Parameters, parameter
 from haptics.units import in_range, one_of
 
@@ -40,6 +43,7 @@ class DriveParameters(Parameters):
     bleeder_ohm: float = parameter(500e6, "ohm", "assumed", "across the supply", low=1e3, high=1e15)
     stray_f: float = parameter(0.2e-9, "F", "assumed", "wiring and bridge", low=0.0, high=1e-6)
     clamp_s: float = parameter(1e-3, "s", "assumed", "short before a reversal, at most a tenth of a half", low=0.0, high=1.0)
+    reservoir_f: float = parameter(0.0, "F", "assumed", "none stated; across the supply, where one is fitted", low=0.0, high=1e-3)
 
 
 DRIVE = DriveParameters()
@@ -102,9 +106,15 @@ class Charging:
 
     :param capacitance_f: of everything on the output, stray included, > 0. :param leak_s: leak conductance (siemens), >= 0.
     :param stiff: the supply stays at ``set_v`` while it limits current (direct reversal) instead of sagging to the load.
+    :raises InputError: a supply with a reservoir, which makes two capacitances of one.
     """
 
     def __init__(self, set_v: float, capacitance_f: float, leak_s: float, drive: DriveParameters = DRIVE, stiff: bool = False):
+        if drive.reservoir_f:
+            raise InputError(
+                f"reservoir_f = {drive.reservoir_f:g} F is not allowed here; allowed: 0 F, for only steady_half_period and "
+                "supply_power_w know a reservoir"
+            )
         self.set_v, self.capacitance_f, self.leak_s = set_v, capacitance_f, leak_s
         self._drive, self._stiff = drive, stiff
         r, r_b, limit_a = drive.output_resistance_ohm, drive.bleeder_ohm, drive.supply_current_a
@@ -162,6 +172,7 @@ def steady_half_period(
     """The half period that repeats itself under a bipolar square wave; 0 Hz means constant voltage (charge per second).
 
     :param set_v: setpoint, >= 0. :param capacitance_f: of all clutches on the supply together; stray is added here.
+    A reservoir on the bus (``drive.reservoir_f``) counts exactly, charge share and all.
     :raises InputError: a number outside its range, or an unknown reversal.
     """
     one_of("reversal", reversal, ("clamped", "direct"))
@@ -171,12 +182,16 @@ def steady_half_period(
     if total_f == 0.0:
         return HalfPeriod(set_v, 0.0, 0.0)
     if frequency_hz == 0.0:
-        done = Charging(set_v, total_f, leak_s, drive).charge(set_v, 1.0)
-        return HalfPeriod(done.u_v, done.charge_c, done.energy_j)
+        return _held_a_second(set_v, total_f, drive, leak_s)
     half_s = 0.5 / frequency_hz
     clamped_s = clamp_time_s(frequency_hz, drive) if reversal == "clamped" else 0.0
-    kept = math.exp(-clamped_s / (drive.output_resistance_ohm * total_f))
-    bleed_a = set_v / drive.bleeder_ohm
+    if drive.reservoir_f:
+        given = steady(_bus(set_v, total_f, drive, leak_s, reversal == "direct"), clamped_s, half_s)
+        return HalfPeriod(given.load_v, given.charge_c, given.energy_j)
+    r = drive.output_resistance_ohm
+    kept = math.exp(-clamped_s * (1.0 + r * leak_s) / (r * total_f))
+    idle_v = bleeder_alone_v(set_v, drive)
+    bleed_a = idle_v / drive.bleeder_ohm
     charging = Charging(set_v, total_f, leak_s, drive, stiff=reversal == "direct")
     amplitude_v = set_v
     done = Charged(0.0, 0.0, 0.0)
@@ -187,7 +202,26 @@ def steady_half_period(
         if abs(done.u_v - amplitude_v) <= 1e-12 * max(1.0, set_v):
             break
         amplitude_v = 0.5 * (amplitude_v + done.u_v)
-    return HalfPeriod(done.u_v, done.charge_c + bleed_a * clamped_s, done.energy_j + set_v * bleed_a * clamped_s)
+    return HalfPeriod(done.u_v, done.charge_c + bleed_a * clamped_s, done.energy_j + idle_v * bleed_a * clamped_s)
+
+
+def _held_a_second(set_v: float, total_f: float, drive: DriveParameters, leak_s: float) -> HalfPeriod:
+    """A second at constant voltage, all capacitances full at its beginning."""
+    if drive.reservoir_f:
+        given = _bus(set_v, total_f, drive, leak_s, False).joined(set_v, set_v, 1.0)
+        return HalfPeriod(given.load_v, given.charge_c, given.energy_j)
+    done = Charging(set_v, total_f, leak_s, drive).charge(set_v, 1.0)
+    return HalfPeriod(done.u_v, done.charge_c, done.energy_j)
+
+
+def _bus(set_v: float, total_f: float, drive: DriveParameters, leak_s: float, stiff: bool) -> Bus:
+    r, r_b = drive.output_resistance_ohm, drive.bleeder_ohm
+    return Bus(drive.supply_current_a, set_v, r, r_b, drive.reservoir_f, total_f, leak_s, stiff)
+
+
+def bleeder_alone_v(set_v: float, drive: DriveParameters = DRIVE) -> float:
+    """The supply's volts with nothing but its bleeder: the setpoint, or what its current makes of a bleeder too strong for it."""
+    return min(set_v, drive.supply_current_a * drive.bleeder_ohm)
 
 
 def clamp_time_s(frequency_hz: float, drive: DriveParameters = DRIVE) -> float:

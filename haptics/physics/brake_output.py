@@ -15,6 +15,7 @@ from haptics.physics.brake_drive import (
     DRIVE,
     Charging,
     DriveParameters,
+    bleeder_alone_v,
     clamp_time_s,
 )
 from haptics.units import in_range, one_of
@@ -35,6 +36,7 @@ class OutputStage:
     """Supply, bridge and outputs. Times are seconds in any one clock and must not go back.
 
     :param capacitances_f: of each output, 0 where none is connected; at most 8. :param reversal: clamped or direct.
+    :raises InputError: other outputs than these, or a supply with a reservoir (``drive.reservoir_f``).
     """
 
     def __init__(
@@ -54,6 +56,7 @@ class OutputStage:
         self._connected: list[Output] = []
         self._shorted = self._outputs
         self._set_v = 0.0
+        self._idle_v = 0.0  # of the supply while the bridge shorts what it drives
         self._frequency_hz = 0.0
         self._polarity = 1
         self._bridge_v = 0.0  # on the connected outputs and the stray capacitance, signed
@@ -87,6 +90,7 @@ class OutputStage:
         if mask != self._mask:
             self._connect(mask)
         self._set_v = volts if mask else 0.0
+        self._idle_v = bleeder_alone_v(self._set_v, self._drive)
         self._load = self._present_load()
         if not mask:
             self._charging_from_s = self._reversal_s = math.inf
@@ -163,7 +167,9 @@ class OutputStage:
     def bus_v(self) -> float:
         """Voltage at the supply's output: the setpoint, or less while the load holds it down."""
         u_v = self._bridge_v * self._polarity
-        if not self.charging or self._stiff or u_v >= self._set_v:
+        if not self.charging:
+            return self._idle_v
+        if self._stiff or u_v >= self._set_v:
             return self._set_v
         return min(self._set_v, u_v + self._current_into_bridge_a() * self._drive.output_resistance_ohm)
 
@@ -173,7 +179,7 @@ class OutputStage:
         if not self._mask:
             return 0.0
         if not self.charging:
-            return self._set_v / self._drive.bleeder_ohm
+            return self._idle_v / self._drive.bleeder_ohm
         supply = self._load.regime(self._bridge_v * self._polarity).supply
         if supply == "current":
             return self._drive.supply_current_a
@@ -280,8 +286,8 @@ class OutputStage:
                 self._bridge_v = u_v * self._polarity
             else:
                 self._bridge_v *= math.exp(-dt_s * (1.0 / r + load.leak_s) / load.capacitance_f)
-                taken_c = self._set_v / self._drive.bleeder_ohm * dt_s
-                taken_j = self._set_v * taken_c
+                taken_c = self._idle_v / self._drive.bleeder_ohm * dt_s
+                taken_j = self._idle_v * taken_c
             self.charge_c += taken_c
             self.energy_j += taken_j
             for o in self._connected:

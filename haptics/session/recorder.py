@@ -14,10 +14,12 @@ from typing import Any
 
 import numpy as np
 
+from haptics.link.clock import ClockFit
+from haptics.link.events import Disarmed, Event, FaultReported, Identified, Lost, Rebooted, Telemetry
 from haptics.link.messages import BRAKE_CHANNELS, COIL_CHANNELS
 from haptics.recording import Journal, StreamSpec
 from haptics.scene.hand import HandFrame
-from haptics.time import NS_PER_MS
+from haptics.time import NS_PER_MS, NS_PER_S
 from haptics.version import __version__
 
 COMMIT_NS = 50 * NS_PER_MS
@@ -29,7 +31,7 @@ def _spec(name: str, fields: Sequence[tuple], units: Mapping[str, str], descript
     return StreamSpec(name, np.dtype([("time_ns", "i8"), *fields]), units, description)
 
 
-STREAMS = (
+RUN_STREAMS = (
     _spec(
         "poses",
         [
@@ -61,6 +63,9 @@ STREAMS = (
         {"start_ns": "ns"},
         "Every pulse asked for, when its outcome was known; start_ns is 0 for one that was denied.",
     ),
+)
+"""What a run has beside what its links say."""
+LINK_STREAMS = (
     _spec(
         "events",
         [("kind", "S20"), ("subject", "S32"), ("object", "S32"), ("detail", "S96")],
@@ -121,6 +126,7 @@ STREAMS = (
         "Each estimate of a board's clock: host minus board, and how wrong it can be.",
     ),
 )
+"""What happened, and what went over the links."""
 
 
 def provenance() -> dict[str, Any]:
@@ -146,20 +152,58 @@ def _git_commit() -> str | None:
     return found.stdout.strip() or None
 
 
-class Recorder:
+class LinkRecorder:
+    """Rows of events and links, and of any further ``streams``, on their way into a journal.
+
+    :raises InputError: the journal's path is taken or cannot be written.
+    """
+
+    def __init__(self, path: str | os.PathLike[str], header: Mapping[str, Any], force: bool, streams: Sequence[StreamSpec] = ()):
+        self.path = Path(path)
+        self.journal = Journal.create(self.path, header, force=force)
+        self.streams = {spec.name: self.journal.declare(spec) for spec in (*streams, *LINK_STREAMS)}
+        self._commit_ns = 0
+
+    def event(self, now_ns: int, kind: str, subject: str = "", object_name: str = "", detail: str = "") -> None:
+        self.streams["events"].append((now_ns, kind, subject, object_name, detail))
+
+    def wire(self, now_ns: int, port: str, to_board: bool, data: bytes) -> None:
+        stream = self.streams["wire"]
+        for at in range(0, len(data), WIRE_BYTES):
+            piece = data[at : at + WIRE_BYTES]
+            stream.append((now_ns, PORTS[port], to_board, len(piece), piece.ljust(WIRE_BYTES, b"\0")))
+
+    def link_event(self, board: str, event: Event) -> None:
+        """What a link reported."""
+        if isinstance(event, Telemetry):
+            self.streams[type(event.message).__name__].append((event.time_ns, *event.message))
+        elif isinstance(event, ClockFit):
+            bound_ns = round(event.error_s * NS_PER_S)
+            offset_ns = round(event.offset_s * NS_PER_S)
+            self.streams["clock_fits"].append((event.reference_ns, PORTS[board], offset_ns, bound_ns))
+        elif isinstance(event, Identified):
+            self.event(event.time_ns, "identified", board, "", f"boot {event.identity.boot_id:08x}")
+        elif isinstance(event, (Disarmed, FaultReported, Lost, Rebooted)):
+            self.event(event.time_ns, "fault", board, "", str(event))
+
+    def acknowledge(self, now_ns: int) -> None:
+        """Commit what is buffered if the last commit is 50 ms old; a kill loses at most what came since."""
+        if now_ns >= self._commit_ns:
+            self._commit_ns = now_ns + COMMIT_NS
+            self.journal.commit()
+
+
+class Recorder(LinkRecorder):
     """Rows of a run on their way into a journal.
 
     :raises InputError: the journal's path is taken or cannot be written.
     """
 
     def __init__(self, path: str | os.PathLike[str], header: Mapping[str, Any], force: bool):
-        self.path = Path(path)
-        self.journal = Journal.create(self.path, header, force=force)
-        self._streams = {spec.name: self.journal.declare(spec) for spec in STREAMS}
-        self._commit_ns = 0
+        super().__init__(path, header, force, RUN_STREAMS)
 
     def pose(self, now_ns: int, frame: HandFrame, accepted: bool) -> None:
-        self._streams["poses"].append(
+        self.streams["poses"].append(
             (
                 now_ns,
                 frame.time_ns,
@@ -172,28 +216,7 @@ class Recorder:
         )
 
     def tick(self, now_ns: int, rise_k: Any, pin_out: Any, volts: Any, force_n: Any, piezo: Any) -> None:
-        self._streams["ticks"].append((now_ns, rise_k, pin_out, volts, force_n, piezo))
+        self.streams["ticks"].append((now_ns, rise_k, pin_out, volts, force_n, piezo))
 
     def request(self, now_ns: int, site: str, kind: str, played: bool, reason: str | None, start_ns: int | None) -> None:
-        self._streams["requests"].append((now_ns, site, kind, played, reason or "", start_ns or 0))
-
-    def event(self, now_ns: int, kind: str, subject: str = "", object_name: str = "", detail: str = "") -> None:
-        self._streams["events"].append((now_ns, kind, subject, object_name, detail))
-
-    def wire(self, now_ns: int, port: str, to_board: bool, data: bytes) -> None:
-        stream = self._streams["wire"]
-        for at in range(0, len(data), WIRE_BYTES):
-            piece = data[at : at + WIRE_BYTES]
-            stream.append((now_ns, PORTS[port], to_board, len(piece), piece.ljust(WIRE_BYTES, b"\0")))
-
-    def telemetry(self, now_ns: int, message: Any) -> None:
-        self._streams[type(message).__name__].append((now_ns, *message))
-
-    def clock_fit(self, now_ns: int, port: str, offset_ns: int, bound_ns: int) -> None:
-        self._streams["clock_fits"].append((now_ns, PORTS[port], offset_ns, bound_ns))
-
-    def acknowledge(self, now_ns: int) -> None:
-        """Commit what is buffered if the last commit is 50 ms old; a kill loses at most what came since."""
-        if now_ns >= self._commit_ns:
-            self._commit_ns = now_ns + COMMIT_NS
-            self.journal.commit()
+        self.streams["requests"].append((now_ns, site, kind, played, reason or "", start_ns or 0))

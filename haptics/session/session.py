@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 
 from haptics.devices.tactiles import COMMAND_LEAD_NS, Result
-from haptics.link.clock import ClockFit
-from haptics.link.events import Disarmed, Event, FaultReported, Identified, Lost, Rebooted, Telemetry
+from haptics.link.events import Event
 from haptics.link.messages import BRAKE_CHANNELS, COIL_CHANNELS
 from haptics.physics.brake_contact import CONTACT
 from haptics.physics.brake_drive import rise_time_s
@@ -184,18 +183,8 @@ class Session:
             self.recorder.tick(now_ns, rise_k, pin_out, volts, force_n, piezo)
 
     def _take_link_event(self, board: str, event: Event) -> None:
-        recorder = self.recorder
-        if recorder is None:
-            return
-        if isinstance(event, Telemetry):
-            recorder.telemetry(event.time_ns, event.message)
-        elif isinstance(event, ClockFit):
-            bound_ns = round(event.error_s * NS_PER_S)
-            recorder.clock_fit(event.reference_ns, board, round(event.offset_s * NS_PER_S), bound_ns)
-        elif isinstance(event, Identified):
-            recorder.event(event.time_ns, "identified", board, "", f"boot {event.identity.boot_id:08x}")
-        elif isinstance(event, (Disarmed, FaultReported, Lost, Rebooted)):
-            recorder.event(event.time_ns, "fault", board, "", str(event))
+        if self.recorder is not None:
+            self.recorder.link_event(board, event)
 
     @property
     def site_names(self) -> tuple[str, ...]:

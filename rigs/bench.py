@@ -1,0 +1,362 @@
+"""One bench: a board, the instruments on it, time, and a record of everything; off on every exit.
+
+The same rig runs on ``sim://`` ports, in virtual time, and on hardware, in real time. Simulated instruments stand in the world
+of the simulated board; real ones are serial ports.
+"""
+
+from __future__ import annotations
+
+import itertools
+import os
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+
+from haptics.errors import HapticsError, InputError
+from haptics.link.commands import Pending
+from haptics.link.events import Event, Telemetry
+from haptics.link.messages import COIL_CHANNELS, DURATION_UNIT_US, Status
+from haptics.recording import StreamSpec, finalise, recover
+from haptics.session.configuration import Configuration
+from haptics.session.glove import Glove, with_defaults
+from haptics.session.recorder import LinkRecorder, provenance
+from haptics.time import NS_PER_MS, NS_PER_S, seconds_to_ns
+from haptics.units import in_range
+from rigs.instruments import InstrumentSilent, Samples, SampleStream
+from rigs.result import Fault
+
+STEP_NS = 10 * NS_PER_MS
+"""How often a bench in virtual time looks at its instruments; in real time it is a millisecond."""
+PULSE_LEAD_NS = 20 * NS_PER_MS
+WITHDRAW_S = 10e-3
+_ANSWER_S = 3.0
+_worlds = itertools.count(1)
+
+
+@dataclass(frozen=True)
+class BenchOptions:
+    """Where a rig runs.
+
+    ``port``: of the board; None is the configuration's. ``level``: of a simulated board's models. ``channel``: what the
+    instruments are attached to. ``instruments``: port URLs by kind; on hardware each that a rig needs has to be there.
+    ``record``: HDF5 file to write, None for none. ``progress``: told in words what is going on.
+    """
+
+    port: str | None = None
+    level: str | None = None
+    seed: int = 1
+    channel: int = 0
+    instruments: Mapping[str, str] = field(default_factory=dict)
+    configuration: Configuration = field(default_factory=Configuration)
+    record: Path | None = None
+    force: bool = False
+    progress: Callable[[str], None] = lambda what: None
+
+    def part(self, name: str) -> BenchOptions:
+        """The same, recording under another name: ``thermal.h5`` becomes ``thermal-NAME.h5``."""
+        if self.record is None:
+            return self
+        return replace(self, record=self.record.with_stem(f"{self.record.stem}-{name}"))
+
+    def board_url(self, board: str) -> str:
+        """The board's port."""
+        if self.port is not None:
+            return self.port
+        return self.configuration.tactiles.port if board == "tactiles" else self.configuration.brake.port
+
+
+class Bench:
+    """A board and its instruments while a rig runs; use as a context manager.
+
+    :param board: ``tactiles`` or ``brake``. :param instruments: what is read, opened by the drivers' own classes.
+    :param simulate: query keys for a simulated board that its URL does not name.
+    :param plot: stream and signal that a viewer of the recording shows first.
+    :raises InputError: on hardware, an instrument without a port. :raises LinkError: a port or board that cannot be used.
+    """
+
+    def __init__(
+        self,
+        board: str,
+        instruments: Sequence[type[SampleStream]],
+        options: BenchOptions,
+        *,
+        rig: str,
+        simulate: Mapping[str, object] | None = None,
+        plot: tuple[str, str] | None = None,
+    ):
+        self.board, self.options = board, options
+        self.instruments: dict[str, SampleStream] = {}
+        self.telemetry: list[tuple[int, Any]] = []
+        self.watch: Callable[[], None] | None = None
+        """Called at each look at the instruments; may raise to end the run."""
+        self.pulsed_ns: list[int] = []
+        """When each pulse so far was told to begin."""
+        self.recorder: LinkRecorder | None = None
+        self._pending: list[tuple[str, Pending]] = []
+        self._out: set[int] = set()
+        url = options.board_url(board)
+        self.simulated = url.startswith("sim://")
+        self._check_instruments(instruments, url)
+        self._early: list[tuple[int, str, bool, bytes]] = []
+        world = f"bench-{os.getpid()}-{next(_worlds)}"
+        defaults: dict[str, object] = {"world": world, **(simulate or {})}
+        if options.level is not None:
+            defaults["level"] = options.level
+        url = with_defaults(url, **defaults)
+        part = getattr(options.configuration, board).model_copy(update={"port": url})
+        self.glove = Glove(
+            part if board == "tactiles" else None,
+            part if board == "brake" else None,
+            realtime=not self.simulated,
+            seed=options.seed,
+            wire_tap=self._tap,
+        )
+        try:
+            self.glove.on_event(self._take)
+            self.link = self.glove.links[board]
+            shared = {**_query(url), "channel": options.channel}
+            for kind in instruments:
+                self._open(kind, {key: shared[key] for key in ("world", "channel") if key in shared})
+            self._start_recording(rig, url, instruments, plot)
+            self._meet_instruments()
+        except BaseException:
+            self._close(failed=True)
+            raise
+
+    # Time.
+
+    @property
+    def now_ns(self) -> int:
+        """The bench's clock."""
+        return self.glove.now_ns()
+
+    def wait(self, seconds: float) -> None:
+        """Let time pass, with links served and instruments read.
+
+        :raises LinkError: a port went away. :raises HapticsError: what the rig's ``watch`` raises.
+        """
+        self.wait_until(self.now_ns + seconds_to_ns(seconds))
+
+    def wait_until(self, to_ns: int) -> None:
+        """As ``wait``, until a time of the bench's clock; at once if it has passed."""
+        step_ns = STEP_NS if self.simulated else NS_PER_MS
+        while (now_ns := self.now_ns) < to_ns:
+            until_ns = min(now_ns + step_ns, to_ns)
+            if not self.simulated:
+                time.sleep((until_ns - now_ns) / NS_PER_S)
+            self.glove.follow(until_ns if self.simulated else self.now_ns)
+            self.glove.tick(self.now_ns)
+            self._look()
+
+    # The board.
+
+    def arm(self) -> None:
+        """Arm the board.
+
+        :raises HapticsError: it would not.
+        """
+        self.glove.arm()
+        self._note("armed")
+
+    def disarm(self) -> None:
+        """Outputs off, board disarmed; it may be armed again."""
+        self._withdraw()
+        self.glove.off()
+        self._note("disarmed")
+
+    def pulse(self, channels: Sequence[int], at_ns: int, duration_s: float, toward_skin: bool) -> None:
+        """One coil pulse on each of ``channels`` at a time of the bench's clock, which has to lie 20 ms ahead at least.
+
+        :raises InputError: a channel or duration out of range, or too little time ahead.
+        """
+        if at_ns < self.now_ns + PULSE_LEAD_NS:
+            raise InputError(f"at_ns = {at_ns} is {(at_ns - self.now_ns) / 1e6:g} ms ahead; allowed: at least 20 ms")
+        mask, durations = 0, [0] * COIL_CHANNELS
+        for channel in channels:
+            at = int(in_range("channel", channel, 0, COIL_CHANNELS - 1))
+            mask |= 1 << at
+            durations[at] = round(in_range("duration_s", duration_s, 50e-6, 10e-3, "s") * 1e6 / DURATION_UNIT_US)
+        toward = mask if toward_skin else 0
+        pending = self.link.send("pulse", self.link.to_ticks(at_ns), mask, toward, durations, now_ns=self.now_ns)
+        self._pending.append(("pulse", pending))
+        self.pulsed_ns.append(at_ns)
+        (self._out.update if toward_skin else self._out.difference_update)(channels)
+
+    def refusals(self) -> list[str]:
+        """Commands that the board refused or did not answer, so far, in words."""
+        said = [(name, one) for name, one in self._pending if one.done]
+        lost = [f"{name}: {one.error}" for name, one in said if one.error is not None]
+        refused = [f"{name}: {Status(one.status).name.lower()}" for name, one in said if one.error is None and one.status]
+        return lost + refused
+
+    def faults(self) -> tuple[Fault, ...]:
+        """What went wrong at the board or on the way to it."""
+        board = tuple(Fault("board", text) for text in self.glove.faults)
+        refused = self.refusals()
+        if refused:
+            kinds = ", ".join(sorted(set(refused)))
+            board += (
+                Fault("board", f"{len(refused)} commands were not carried out ({kinds}); is the board free, and the line good?"),
+            )
+        return board
+
+    # Instruments.
+
+    def samples(self, kind: str) -> Samples:
+        """What an instrument has measured so far."""
+        return self.instruments[kind].samples()
+
+    # Coming and going.
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self._close(failed=kind is not None)
+
+    def _check_instruments(self, instruments: Sequence[type[SampleStream]], url: str) -> None:
+        wanted = [kind.kind for kind in instruments]
+        for kind in self.options.instruments:
+            if kind not in wanted:
+                raise InputError(f"{kind} is not read by this rig; allowed: {', '.join(wanted) or 'none'}")
+        missing = [kind for kind in wanted if kind not in self.options.instruments]
+        if missing and not self.simulated:
+            raise InputError(f"port = {url!r} is hardware, and no port is given for: {', '.join(missing)}")
+
+    def _open(self, kind: type[SampleStream], shared: Mapping[str, str]) -> None:
+        url = self.options.instruments.get(kind.kind, f"sim://{kind.kind}")
+        if url.startswith("sim://") and not self.simulated:
+            raise InputError(f"{kind.kind} = {url!r} is simulated and the board is not; allowed: a port of its own")
+        if not url.startswith("sim://") and self.simulated:
+            raise InputError(f"{kind.kind} = {url!r} is hardware and the board is simulated; allowed: sim:// URLs")
+        url = with_defaults(url, clock="virtual", seed=self.options.seed, **shared)
+        self.instruments[kind.kind] = kind(url)
+
+    def _start_recording(
+        self, rig: str, url: str, instruments: Sequence[type[SampleStream]], plot: tuple[str, str] | None
+    ) -> None:
+        if self.options.record is None:
+            return
+        header: dict[str, Any] = {
+            **provenance(),
+            "title": rig,
+            "rig": rig,
+            "port": url,
+            "instruments": {name: one.url for name, one in self.instruments.items()},
+            "level": self.options.level,
+            "seed": self.options.seed,
+            "channel": self.options.channel,
+        }
+        if plot is not None:
+            header["default_plot"] = {"stream": plot[0], "signal": plot[1]}
+        streams = [_stream_spec(kind) for kind in instruments]
+        self.recorder = LinkRecorder(self.options.record.with_suffix(".journal"), header, self.options.force, streams)
+        for time_ns, name, to_board, data in self._early:
+            self.recorder.wire(time_ns, name, to_board, data)
+        self._early.clear()
+
+    def _meet_instruments(self) -> None:
+        """Wait until each instrument said what it is, and printed a sample."""
+        end_ns = self.now_ns + seconds_to_ns(_ANSWER_S)
+        for one in self.instruments.values():
+            one.ask()
+        while waiting := [one for one in self.instruments.values() if not one.count or not one.header]:
+            if self.now_ns > end_ns:
+                one = waiting[0]
+                if one.faults:
+                    return
+                seen = "samples, but not what it is" if one.count else "nothing that reads as samples"
+                raise InstrumentSilent(one.url, f"the {one.kind} prints {seen}", "open", "is it on, and at this baud rate?")
+            self.wait(0.05)
+        if self.recorder is not None:
+            for kind, one in self.instruments.items():
+                self._note("instrument", kind, detail=" ".join(f"{key}={value}" for key, value in one.header.items()))
+
+    def _close(self, failed: bool) -> None:
+        """Off, whatever else goes wrong; then ports closed and the record made whole."""
+        try:
+            self._withdraw()
+        finally:
+            try:
+                self.glove.off()
+            finally:
+                self.glove.close()
+                for one in self.instruments.values():
+                    one.close()
+                self._end_recording(failed)
+
+    def _end_recording(self, failed: bool) -> None:
+        recorder, self.recorder = self.recorder, None
+        if recorder is None or self.options.record is None:
+            return
+        if failed:  # keep what there is, marked incomplete
+            recorder.journal.abandon()
+            recover(recorder.path, self.options.record, force=self.options.force)
+        else:
+            recorder.journal.close({"ended": "off"})
+            finalise(recorder.path, self.options.record, force=self.options.force)
+
+    def _withdraw(self) -> None:
+        """Pins that this bench sent out go back, three at a time, as long as the board takes commands."""
+        out, self._out = sorted(self._out), set()
+        if not out or not self.link.armed or self.link.error is not None:
+            return
+        try:
+            for first in range(0, len(out), 3):
+                at_ns = self.now_ns + 2 * PULSE_LEAD_NS
+                self.pulse(out[first : first + 3], at_ns, WITHDRAW_S, toward_skin=False)
+                self.watch = None
+                self.wait_until(at_ns + seconds_to_ns(2 * WITHDRAW_S))
+        except HapticsError:
+            pass  # what ends the run is already on its way to the caller, and the pins stay latched without power
+
+    # What comes in.
+
+    def _look(self) -> None:
+        """Read instruments, record what came, let the rig watch."""
+        now_ns = self.now_ns
+        for kind, one in self.instruments.items():
+            if one.poll(now_ns) and self.recorder is not None:
+                stream = self.recorder.streams[kind]
+                for number, values in one.fresh():
+                    stream.append((now_ns, number, *values))
+        if self.recorder is not None:
+            self.recorder.acknowledge(now_ns)
+        if self.link.error is not None:
+            raise self.link.error
+        if self.watch is not None:
+            self.watch()
+
+    def _take(self, name: str, event: Event) -> None:
+        if isinstance(event, Telemetry):
+            self.telemetry.append((event.time_ns, event.message))
+        if self.recorder is not None:
+            self.recorder.link_event(name, event)
+
+    def _note(self, kind: str, subject: str = "", detail: str = "") -> None:
+        if self.recorder is not None:
+            self.recorder.event(self.now_ns, kind, subject, detail=detail)
+
+    def _tap(self, name: str, time_ns: int, to_board: bool, data: bytes) -> None:
+        if self.recorder is None:
+            self._early.append((time_ns, name, to_board, data))
+        else:
+            self.recorder.wire(time_ns, name, to_board, data)
+
+
+def _query(url: str) -> dict[str, str]:
+    from urllib.parse import parse_qsl, urlsplit
+
+    return dict(parse_qsl(urlsplit(url).query, keep_blank_values=True)) if url.startswith("sim://") else {}
+
+
+def _stream_spec(kind: type[SampleStream]) -> StreamSpec:
+    fields = [("time_ns", "i8"), ("number", "i8"), *((name, "f8") for name, _ in kind.columns)]
+    return StreamSpec(
+        kind.kind, np.dtype(fields), dict(kind.columns), f"Samples of the {kind.kind}: time read, its own count, values."
+    )

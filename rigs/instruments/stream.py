@@ -1,0 +1,199 @@
+"""Reading an instrument that prints one line of text for each sample (``docs/reference/instruments.md``).
+
+The instrument's own count gives the spacing of samples; the host's clock gives where they lie. A line arrives late by what the
+wire and the reader's polling take, never early, so the earliest arrivals fix the count's origin.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from haptics.errors import InputError, LinkError
+from haptics.link.ports import BytePort, PortErrors, open_port
+from haptics.units import in_range
+
+INDEX_MODULUS = 1 << 16
+_LONGEST_LINE = 256
+_RATE_SPAN = 200
+"""Samples that must have come before the spacing is taken from their arrival and not from the header."""
+
+
+class InstrumentSilent(LinkError):
+    """An instrument that should print samples does not."""
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Samples of one instrument: ``time_s`` (n,) from the first on the host's clock at ``start_ns``, ``values`` (n, columns)."""
+
+    start_ns: int
+    time_s: NDArray[np.float64]
+    values: NDArray[np.float64]
+
+    def column(self, index: int = 0) -> NDArray[np.float64]:
+        """One quantity over the samples (n,)."""
+        return self.values[:, index]
+
+    def since(self, time_ns: int) -> NDArray[np.float64]:
+        """Times of the samples (n,) in seconds after ``time_ns`` of the host's clock."""
+        return self.time_s + (self.start_ns - time_ns) / 1e9
+
+
+class SampleStream:
+    """One instrument on one port.
+
+    :param url: a serial port or ``sim://`` URL. :param baud: of the line.
+    :raises InputError, LinkError: the port will not open.
+
+    ``header`` is what the instrument says of itself; ``faults`` words it printed in place of values, with the sample's number;
+    ``bad_lines`` counts lines that were neither.
+    """
+
+    kind = "instrument"
+    columns: tuple[tuple[str, str], ...] = ()
+    """Name and unit of each value, as they are recorded and returned."""
+
+    def __init__(self, url: str, baud: int = 500_000):
+        self.url = url
+        self.port: BytePort = open_port(url, baud)
+        self.header: dict[str, str] = {}
+        self.faults: list[tuple[int, str]] = []
+        self.bad_lines = 0
+        self._rest = b""
+        self._index: list[int] = []
+        self._values: list[tuple[float, ...]] = []
+        self._batches: list[tuple[int, int]] = []  # number of a batch's last sample, and when it was read
+        self._given = 0
+
+    def convert(self, words: list[str]) -> tuple[float, ...]:
+        """The values of one line, in the units of ``columns``.
+
+        :raises ValueError: not numbers.
+        """
+        if len(words) != len(self.columns):
+            raise ValueError(f"{len(words)} values")
+        return tuple(float(word) for word in words)
+
+    # Reading.
+
+    def ask(self) -> None:
+        """Ask the instrument what it is."""
+        with PortErrors(self.url, "ask"):
+            self.port.write(b"?\n")
+
+    def poll(self, now_ns: int) -> int:
+        """Take in what has come; returns how many samples.
+
+        :raises LinkLost: the port went away.
+        """
+        with PortErrors(self.url, "read"):
+            waiting = self.port.in_waiting
+            data = self.port.read(waiting) if waiting else b""
+        if not data:
+            return 0
+        before = len(self._index)
+        *lines, self._rest = (self._rest + data).split(b"\n")
+        self._rest = self._rest[-_LONGEST_LINE:]
+        for line in lines:
+            self._take(line.decode("ascii", "replace").strip())
+        if len(self._index) > before:
+            self._batches.append((self._index[-1], now_ns))
+        return len(self._index) - before
+
+    def fresh(self) -> list[tuple[int, tuple[float, ...]]]:
+        """Number and values of the samples since the last call."""
+        start, self._given = self._given, len(self._index)
+        return list(zip(self._index[start:], self._values[start:], strict=True))
+
+    def latest(self) -> tuple[float, ...] | None:
+        """Values of the last sample."""
+        return self._values[-1] if self._values else None
+
+    @property
+    def count(self) -> int:
+        """Samples so far."""
+        return len(self._index)
+
+    @property
+    def lost(self) -> int:
+        """Samples that the instrument counted and that did not come, before the last one that did."""
+        return self._index[-1] - self._index[0] + 1 - len(self._index) - len(self.faults) if self._index else 0
+
+    @property
+    def rate_hz(self) -> float:
+        """Samples a second: as they arrived, once that can be told, until then as the header says.
+
+        :raises InputError: nothing to tell it from.
+        """
+        period_s = self._measured_period_s()
+        return self._told_rate_hz() if period_s is None else 1.0 / period_s
+
+    def samples(self) -> Samples:
+        """All samples so far.
+
+        :raises InstrumentSilent: there are none.
+        """
+        if not self._index:
+            raise InstrumentSilent(
+                self.url, f"no sample came from the {self.kind}", "measure", "is it on, and at this baud rate?"
+            )
+        number = np.array(self._index, dtype=np.int64)
+        last, arrived_ns = (np.array(column, dtype=np.int64) for column in zip(*self._batches, strict=True))
+        period_s = 1.0 / self.rate_hz
+        after_s = (arrived_ns - arrived_ns[0]) / 1e9 - (last - number[0]) * period_s
+        start_ns = int(arrived_ns[0]) + round(float(after_s.min()) * 1e9)
+        return Samples(start_ns, (number - number[0]) * period_s, np.array(self._values, dtype=float))
+
+    def number(self, key: str, low: float, high: float, unit: str = "") -> float:
+        """A number of the header.
+
+        :raises InputError: the instrument did not say it, or says something out of range.
+        """
+        if key not in self.header:
+            said = ", ".join(self.header) or "nothing"
+            raise InputError(f"{self.url}: the {self.kind} does not say its {key}; it says {said}")
+        return in_range(f"{self.kind} {key}", self.header[key], low, high, unit)  # type: ignore[arg-type]
+
+    def close(self) -> None:
+        """Close the port."""
+        self.port.close()
+
+    def _take(self, line: str) -> None:
+        if line.startswith("#"):
+            kind, *pairs = line[1:].split() or [""]
+            if kind == self.kind:
+                self.header = dict(pair.split("=", 1) for pair in pairs if "=" in pair)
+            elif kind:
+                raise InputError(f"port = {self.url!r} is a {kind}; wanted here: a {self.kind}")
+            return
+        count, *words = line.split()[:8] or [""]
+        if not count.isdigit() or not words:
+            self.bad_lines += 1 if line and (self._index or self.header) else 0  # the first may be the end of one
+            return
+        index = int(count)
+        if self._index:
+            index = self._index[-1] + ((index - self._index[-1]) % INDEX_MODULUS or INDEX_MODULUS)
+        try:
+            values = self.convert(words)
+        except ValueError:
+            if words[0].isalpha():
+                self.faults.append((index, words[0]))
+            else:
+                self.bad_lines += 1
+            return
+        self._index.append(index)
+        self._values.append(values)
+
+    def _told_rate_hz(self) -> float:
+        return self.number("rate_hz", 1e-3, 1e6, "Hz")
+
+    def _measured_period_s(self) -> float | None:
+        """Slope of arrival over count, by least squares."""
+        if len(self._batches) < 10 or self._batches[-1][0] - self._batches[0][0] < _RATE_SPAN:
+            return None
+        number, arrived_ns = (np.array(column, dtype=float) for column in zip(*self._batches, strict=True))
+        number, arrived_s = number - number.mean(), (arrived_ns - arrived_ns.mean()) / 1e9
+        return float(number @ arrived_s / (number @ number))

@@ -1,0 +1,218 @@
+"""The heating curve fitted: first-order heat behind a first-order thermocouple, warmed by the energy that was measured.
+
+::
+
+    x' = (c P - x) / tau        rise of the actuator; P in every 20 ms as the pulses' measured energy says
+    y' = (x - y) / lag          rise of the junction
+    T  = T0 + d t + y           what is read; d is the room's drift
+
+``c`` is kelvin for each watt really taken. A warm coil takes less from 5 V, so the power falls as it heats; divided by the
+nominal 0.36 W (18 W, 10 ms, 2 Hz), as the thesis does, the same curve gives a smaller number, ``c_nominal``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from haptics.errors import InputError
+from rigs.fitting import Fit, Vector, least_squares_fit, quadrature
+from rigs.instruments.thermocouple import DRIFT_SD_K_S, GAIN_SD, LAG_S, LAG_SD_S
+from rigs.result import Quantity
+
+NOMINAL_W = 0.36
+"""Mean power of the published curve (thesis 3.5.2)."""
+POWER_SD = 0.003
+"""Standard deviation of measured over true power: the board's current and voltage senses (assumed)."""
+CELL_S = 20e-3
+_FEWEST = 50
+_EDGE_S = 0.2e-3
+_SMOOTH_S = 2.0
+_FLIGHT_S = (3.4e-3, 4.4e-3)
+_REST_S = 7.0e-3
+"""Before the pin lands, moving, and when it has surely landed (``predict latch``: 4.8 and 6.0 ms)."""
+
+
+@dataclass(frozen=True)
+class PulseRecord:
+    """Pulses as they were played: ``start_s`` (n,); and where telemetry met one: number of the ``pulse`` (m,), ``phase_s``,
+    ``current_a``, ``volts``. Times are from ``origin_ns``.
+    """
+
+    start_s: Vector
+    length_s: float
+    pulse: NDArray[np.int64]
+    phase_s: Vector
+    current_a: Vector
+    volts: Vector
+    origin_ns: int = 0
+
+    @classmethod
+    def of(cls, starts_ns: Sequence[int], length_s: float, seen: Sequence[tuple[int, float, float]]) -> PulseRecord:
+        """From start times and ``seen``: time (ns), current (A) and volts at which telemetry saw a coil on.
+
+        :raises InputError: no pulse was seen.
+        """
+        starts = np.array(starts_ns, dtype=np.int64)
+        if not len(starts):
+            raise InputError("no pulse was played; nothing to fit")
+        origin_ns = int(starts[0])
+        start_s = (starts - origin_ns) / 1e9
+        rows: list[tuple[int, float, float, float]] = []
+        for time_ns, current_a, volts in seen:
+            at_s = (time_ns - origin_ns) / 1e9
+            pulse = int(np.searchsorted(start_s, at_s, side="right")) - 1
+            if pulse >= 0 and at_s - start_s[pulse] < length_s:
+                rows.append((pulse, at_s - start_s[pulse], current_a, volts))
+        table = np.array(rows, dtype=float).reshape(-1, 4)
+        pulse, phase_s, current_a, volts = table.T
+        return cls(start_s, length_s, pulse.astype(np.int64), phase_s, current_a, volts, origin_ns)
+
+    def relative_to(self, time_ns: int) -> PulseRecord:
+        """The same with times counted from ``time_ns``."""
+        shift_s = (self.origin_ns - time_ns) / 1e9
+        return PulseRecord(self.start_s + shift_s, self.length_s, self.pulse, self.phase_s, self.current_a, self.volts, time_ns)
+
+    @property
+    def mean_current_a(self) -> float:
+        """Of all samples, which meet pulses at all phases alike; 0 if none was met."""
+        return float(self.current_a.mean()) if len(self.current_a) else 0.0
+
+    @property
+    def landing_dip(self) -> float:
+        """Share of the current that the moving pin's own voltage takes just before it lands, against after; nan if not met."""
+        moving = (self.phase_s > _FLIGHT_S[0]) & (self.phase_s < _FLIGHT_S[1])
+        resting = self.phase_s > _REST_S
+        if moving.sum() < 5 or resting.sum() < 5:
+            return float("nan")
+        # Heating lowers the current by far more than motion does: compare each with its neighbours in time.
+        slope = np.polyfit(self.pulse[resting], self.current_a[resting], 4)
+        return float(np.mean(1.0 - self.current_a[moving] / np.polyval(slope, self.pulse[moving])))
+
+    def energies_j(self, rise_k: Vector) -> Vector:
+        """Energy of each pulse (n,) of an actuator that was ``rise_k`` (n,) warm: volts times current times length.
+
+        A coil's resistance goes straight with its temperature, so ``P = P0 / (1 + a rise)`` is fitted to all samples of the power.
+        They meet the pulses at all phases alike, which averages over what the pin's motion takes. What the current takes to rise
+        (0.1 % of the energy) is left out: samples on an edge tell more of the clock than of the coil.
+
+        :raises InputError: telemetry met too few pulses.
+        """
+        inner = (self.phase_s > _EDGE_S) & (self.phase_s < self.length_s - _EDGE_S)
+        if inner.sum() < _FEWEST:
+            raise InputError(f"telemetry met {inner.sum()} of {len(self.start_s)} pulses; allowed: at least {_FEWEST}")
+        power_w, warm_k = (self.current_a * self.volts)[inner], rise_k[self.pulse[inner]]
+        cold_w = float(power_w.max())
+        fit = least_squares_fit(
+            lambda values: values[0] / (1.0 + values[1] * warm_k), power_w, 0.01 * cold_w, {"cold_w": cold_w, "per_k": 0.004}
+        )
+        return self.length_s * fit.value("cold_w") / (1.0 + fit.value("per_k") * rise_k)
+
+
+@dataclass(frozen=True)
+class HeatFit:
+    """The fit, and what it was made from."""
+
+    fit: Fit
+    pulses: PulseRecord
+    energy_j: Vector
+    """Of each pulse (n,)."""
+    model: Vector
+    """Temperature at each sample (m,), the room's drift left out."""
+
+    @property
+    def power_w(self) -> float:
+        """Mean power at the end of heating."""
+        start_s = self.pulses.start_s
+        return float(self.energy_j[-1]) * (len(start_s) - 1) / float(start_s[-1] - start_s[0])
+
+    @property
+    def lag_s(self) -> float:
+        return self.fit.value("lag_s")
+
+    @property
+    def reduced_chi2(self) -> float:
+        return self.fit.reduced_chi2
+
+    @property
+    def c_sd(self) -> float:
+        """Of the fit, the thermocouple's gain, and the power, together."""
+        c = self.fit.value("c_k_per_w")
+        return quadrature((self.fit.sd("c_k_per_w"), c * GAIN_SD, c * POWER_SD))
+
+    @property
+    def rise_reached_k(self) -> float:
+        """Greatest rise of the fitted curve above its beginning."""
+        return float(self.model.max() - self.model[0])
+
+    def worst_at_s(self, seconds: Vector) -> float:
+        """When the misfit, averaged over 5 s, is greatest."""
+        smooth = np.convolve(self.fit.residuals, np.full(50, 0.02), "same")
+        return float(seconds[int(np.argmax(np.abs(smooth)))])
+
+    def quantities(self) -> dict[str, Quantity]:
+        """What the rig is for."""
+        fit, power_w = self.fit, self.power_w
+        c, cold_w = fit.value("c_k_per_w"), float(self.energy_j[0]) / self.pulses.length_s
+        rise_sd = quadrature((fit.sd("c_k_per_w") * power_w, c * power_w * GAIN_SD))
+        return {
+            "tau_s": Quantity(fit.value("tau_s"), fit.sd("tau_s"), "s"),
+            "c_k_per_w": Quantity(c, self.c_sd, "K/W"),
+            "rise_max_k": Quantity(c * power_w, rise_sd, "K"),
+            "c_nominal_k_per_w": Quantity(c * power_w / NOMINAL_W, rise_sd / NOMINAL_W, "K/W"),
+            "power_w": Quantity(power_w, power_w * POWER_SD, "W"),
+            "pulse_power_w": Quantity(cold_w, cold_w * POWER_SD, "W"),
+            "lag_s": Quantity(fit.value("lag_s"), fit.sd("lag_s"), "s"),
+        }
+
+    def notes(self) -> tuple[str, ...]:
+        """What a reader should know."""
+        cold_w, warm_w = self.energy_j[[0, -1]] / self.pulses.length_s
+        return (
+            f"A pulse takes {cold_w:.2f} W when cold and {warm_w:.2f} W at the end of heating. c counts the power really taken; "
+            f"c_nominal divides by the nominal {NOMINAL_W:g} W, as the published number does.",
+        )
+
+
+def fit_heat(seconds: Vector, celsius: Vector, pulses: PulseRecord, noise_k: float) -> HeatFit:
+    """Fit ``tau``, ``c``, the junction's lag, the room and its drift.
+
+    :param seconds: of the samples (n,). :param celsius: what was read (n,). :param pulses: on the same clock.
+    :param noise_k: standard deviation of one sample.
+    :raises InputError: too little was recorded to fit.
+    """
+    from scipy.signal import lfilter
+
+    room_c = float(celsius[: max(10, len(celsius) // 50)].mean())
+    energy_j = pulses.energies_j(_smooth_rise_k(seconds, celsius, pulses.start_s) - room_c)
+    cells = int(np.ceil((seconds[-1] - seconds[0]) / CELL_S)) + 1
+    edges = seconds[0] + CELL_S * np.arange(cells + 1)
+    power_w = np.histogram(pulses.start_s + 0.5 * pulses.length_s, bins=edges, weights=energy_j)[0] / CELL_S
+
+    def model(values: Vector) -> Vector:
+        tau_s, c, lag_s, room_c, drift = values
+        kept, kept_lag = np.exp(-CELL_S / tau_s), np.exp(-CELL_S / lag_s)
+        rise = np.asarray(lfilter([1.0 - kept], [1.0, -kept], c * power_w))  # at the end of each cell
+        seen = np.asarray(lfilter([1.0 - kept_lag], [1.0, -kept_lag], rise))
+        return room_c + drift * seconds + np.interp(seconds, edges[1:], seen, left=0.0)
+
+    fit = least_squares_fit(
+        model,
+        celsius,
+        noise_k,
+        {"tau_s": 100.0, "c_k_per_w": 60.0, "lag_s": LAG_S, "room_c": room_c, "drift_k_s": 0.0},
+        priors={"lag_s": (LAG_S, LAG_SD_S * 3.0), "drift_k_s": (0.0, DRIFT_SD_K_S)},
+        bounds={"tau_s": (1.0, 5000.0), "c_k_per_w": (0.0, 5000.0), "lag_s": (1e-3, 60.0)},
+    )
+    drift = fit.value("drift_k_s") * seconds
+    return HeatFit(fit, pulses, energy_j, model(fit.values) - drift)
+
+
+def _smooth_rise_k(seconds: Vector, celsius: Vector, at_s: Vector) -> Vector:
+    """The reading at some times, averaged over ``_SMOOTH_S``."""
+    width = max(1, round(_SMOOTH_S * len(seconds) / (seconds[-1] - seconds[0])))
+    padded = np.pad(celsius, (width // 2, width - 1 - width // 2), mode="edge")
+    return np.interp(at_s, seconds, np.convolve(padded, np.full(width, 1.0 / width), "valid"))
