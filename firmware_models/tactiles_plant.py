@@ -1,14 +1,18 @@
 """Fifteen actuators on one supply: motion, heat and sag, each actuator a little different from the next.
 
-Heat follows what the coil really took from the supply. The supply's resistance is shared, so that coils which are on
-together see less: ``V = V0 / (1 + Rs * sum(1/R))`` over the coils that are on (their motion's back-voltage left out).
+Heat follows what the coil took from the supply, as a cold coil would have taken it: the published ``c`` is a rise over 0.36 W,
+that is 18 W a pulse, which a warm coil no longer takes, so that the rise of its resistance is in ``c`` already. The supply's
+resistance is shared, so that coils which are on together see less: ``V = V0 / (1 + Rs * sum(1/R))`` over the coils that are on
+(their motion's back-voltage left out).
+
+Each landing of a pin is told to whoever listens (an accelerometer); what the pin lands on at the off side is ``surface``.
 """
 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -20,13 +24,18 @@ from haptics.physics.latch import LEVELS, latch_plant
 from haptics.physics.latch_parameters import LATCH, NOMINAL_VOLTS
 from haptics.physics.latch_plant import Latched, LatchPlant
 from haptics.physics.parameters import provenance
+from haptics.physics.recoil import RECOIL, SURFACES
 from haptics.physics.thermal import THERMAL, relax
 from haptics.units import in_range
 
 RESISTANCE_SPREAD_OHM = 0.1
 """Half-width of the coils' resistance (thesis 3.4.3)."""
+RECOIL_SPREAD = 0.05
+"""Half-width of peak and decay of the recoil from actuator to actuator, as a share (assumed)."""
 _EVENTS_KEPT = 1 << 16
 _THERMAL_ROWS = [row for row in provenance(THERMAL) if "sd" not in row.name.split("_")]
+_RECOIL_ROWS = [row for row in provenance(RECOIL) if row.name != "pendulum_kg"]  # the pendulum is not the board's
+_RECOIL_DRAWN = ("peak_g", *(f"tau_{surface}_s" for surface in SURFACES))
 
 PLANT_OPTIONS: dict[str, Option] = {
     "level": Option("dynamic", "model of the latch", choices=tuple(LEVELS)),
@@ -36,18 +45,32 @@ PLANT_OPTIONS: dict[str, Option] = {
     "stuck": Option(0, "channels whose pin is stuck at the off stop, as a bit mask", "", 0, (1 << COIL_CHANNELS) - 1, whole=True),
     "supply_v": Option(NOMINAL_VOLTS, "coil supply without load", "V", 0.0, NOMINAL_VOLTS),
     "supply_ohm": Option(0.0, "resistance all coils share", "ohm", 0.0, 10.0),
+    "surface": Option("foam", "what the magnets land on at the off plate", choices=SURFACES),
     **{
         row.name: Option(None, f"every actuator has this; default {row.value:g}", row.unit, row.low, row.high)
-        for row in (*provenance(LATCH), *_THERMAL_ROWS)
+        for row in (*provenance(LATCH), *_THERMAL_ROWS, *_RECOIL_ROWS)
     },
 }
+
+
+class Landing(NamedTuple):
+    """A pin reached a stop: ``time_ns`` of the world, to the nanosecond; ``speed_m_s`` unsigned."""
+
+    time_ns: int
+    channel: int
+    at_off: bool
+    speed_m_s: float
 
 
 class Actuators:
     """Plants of all channels. Times are world nanoseconds and never go back.
 
     :param options: values of ``PLANT_OPTIONS`` and ``spread``: coil resistance, tau and c are drawn uniformly within
-        ``spread`` times what the thesis states for their uncertainty (3.4.3, 3.5.2); a parameter that was given is exact.
+        ``spread`` times what the thesis states for their uncertainty (3.4.3, 3.5.2), the recoil's peak and decay within
+        ``spread`` times ``RECOIL_SPREAD``; a parameter that was given is exact.
+
+    ``recoils``: what a landing on the off side does at each channel. ``listeners``: called with each ``Landing`` of any channel
+        once the plant is carried past it, in the order of time for each channel.
     """
 
     def __init__(self, options: Mapping[str, Any], rng: np.random.Generator, start_ns: int):
@@ -67,6 +90,17 @@ class Actuators:
             THERMAL.with_values(**{name: float(around[name][channel]) for name in ("tau_s", "c_k_per_w")} | heat)
             for channel in range(COIL_CHANNELS)
         ]
+        landing = {row.name: options[row.name] for row in _RECOIL_ROWS if options[row.name] is not None}
+        # A stream of its own, so that what was drawn above does not depend on how much is drawn here.
+        shares = 1.0 + RECOIL_SPREAD * options["spread"] * rng.spawn(1)[0].uniform(-1.0, 1.0, (COIL_CHANNELS, 4))
+        self.recoils = [
+            RECOIL.with_values(
+                **{name: getattr(RECOIL, name) * float(share) for name, share in zip(_RECOIL_DRAWN, row, strict=True)} | landing
+            )
+            for row in shares
+        ]
+        self.surface: str = options["surface"]
+        self.listeners: list[Callable[[Landing], None]] = []
         self.supply_volts = options["supply_v"]
         self.supply_ohm = options["supply_ohm"]
         self.rise_k = [0.0] * COIL_CHANNELS
@@ -108,9 +142,13 @@ class Actuators:
 
     def rise(self, channel: int, now_ns: int) -> float:
         """Temperature rise of one actuator now, K."""
+        self.carry(channel, now_ns)
+        return self.rise_k[channel]
+
+    def carry(self, channel: int, now_ns: int) -> None:
+        """Carry one actuator to now; listeners hear its landings, each at most 50 us after it was passed."""
         if channel in self._awake:
             self._settle(channel, now_ns)
-        return self.rise_k[channel]
 
     def switch(self, changes: Mapping[int, int], now_ns: int) -> None:
         """Put coils on toward the skin (1), back (-1), or off (0); the others feel it through the supply."""
@@ -175,12 +213,16 @@ class Actuators:
         self._position_m[channel], self._latched[channel] = plant.position_m, plant.latched
         before_j = self._energy_j[channel]
         self._energy_j[channel] = max(plant.energy_j, before_j)
-        taken_j = self._energy_j[channel] - before_j
+        cold_j = (self._energy_j[channel] - before_j) * (1.0 + self.latches[channel].resistance_per_k * plant.rise_k)
         elapsed_s = elapsed_ns / 1e9
-        self.rise_k[channel] = relax(self.rise_k[channel], taken_j / elapsed_s, elapsed_s, self.thermals[channel])
+        self.rise_k[channel] = relax(self.rise_k[channel], cold_j / elapsed_s, elapsed_s, self.thermals[channel])
         for event in plant.take_events():
             time_ns = self._start_ns + round(event.time_s * 1e9)
             self.events.append((time_ns, channel, event.kind, event.speed_m_s))
+            if event.kind != "left_skin":
+                landing = Landing(time_ns, channel, event.kind == "reached_off", abs(event.speed_m_s))
+                for heard in self.listeners:
+                    heard(landing)
             if event.kind != "left_skin" and event.kind != self._last_stop[channel]:
                 self._last_stop[channel] = event.kind
                 self.switches[channel] += 1

@@ -6,6 +6,7 @@ of the simulated board; real ones are serial ports.
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import os
 import time
@@ -17,6 +18,8 @@ from typing import Any, Self
 
 import numpy as np
 
+from haptics.devices import BrakeDriver
+from haptics.devices.brake import COMMAND_LEAD_NS
 from haptics.errors import HapticsError, InputError
 from haptics.link.commands import Pending
 from haptics.link.events import Event, Telemetry
@@ -27,7 +30,7 @@ from haptics.session.glove import Glove, with_defaults
 from haptics.session.recorder import LinkRecorder, provenance
 from haptics.time import NS_PER_MS, NS_PER_S, seconds_to_ns
 from haptics.units import in_range
-from rigs.instruments import InstrumentSilent, Samples, SampleStream
+from rigs.instruments import InstrumentSilent, Samples, SampleStream, Stage
 from rigs.result import Fault
 
 STEP_NS = 10 * NS_PER_MS
@@ -38,13 +41,18 @@ _ANSWER_S = 3.0
 _worlds = itertools.count(1)
 
 
+def _silent(what: str) -> None:
+    """No progress; a function with a name, so that options can be handed to another process."""
+
+
 @dataclass(frozen=True)
 class BenchOptions:
     """Where a rig runs.
 
     ``port``: of the board; None is the configuration's. ``level``: of a simulated board's models. ``channel``: what the
     instruments are attached to. ``instruments``: port URLs by kind; on hardware each that a rig needs has to be there.
-    ``record``: HDF5 file to write, None for none. ``progress``: told in words what is going on.
+    ``surface``: under the pin, for the pendulum. ``record``: HDF5 file to write, None for none. ``progress``: told in words
+    what is going on.
     """
 
     port: str | None = None
@@ -52,10 +60,11 @@ class BenchOptions:
     seed: int = 1
     channel: int = 0
     instruments: Mapping[str, str] = field(default_factory=dict)
+    surface: str | None = None
     configuration: Configuration = field(default_factory=Configuration)
     record: Path | None = None
     force: bool = False
-    progress: Callable[[str], None] = lambda what: None
+    progress: Callable[[str], None] = _silent
 
     def part(self, name: str) -> BenchOptions:
         """The same, recording under another name: ``thermal.h5`` becomes ``thermal-NAME.h5``."""
@@ -73,7 +82,8 @@ class BenchOptions:
 class Bench:
     """A board and its instruments while a rig runs; use as a context manager.
 
-    :param board: ``tactiles`` or ``brake``. :param instruments: what is read, opened by the drivers' own classes.
+    :param board: ``tactiles`` or ``brake``. :param instruments: what is read, and the stage where one moves the brake's
+        hand, opened by the drivers' own classes.
     :param simulate: query keys for a simulated board that its URL does not name.
     :param plot: stream and signal that a viewer of the recording shows first.
     :raises InputError: on hardware, an instrument without a port. :raises LinkError: a port or board that cannot be used.
@@ -82,7 +92,7 @@ class Bench:
     def __init__(
         self,
         board: str,
-        instruments: Sequence[type[SampleStream]],
+        instruments: Sequence[type[SampleStream] | type[Stage]],
         options: BenchOptions,
         *,
         rig: str,
@@ -91,6 +101,7 @@ class Bench:
     ):
         self.board, self.options = board, options
         self.instruments: dict[str, SampleStream] = {}
+        self._stage: Stage | None = None
         self.telemetry: list[tuple[int, Any]] = []
         self.watch: Callable[[], None] | None = None
         """Called at each look at the instruments; may raise to end the run."""
@@ -98,6 +109,7 @@ class Bench:
         """When each pulse so far was told to begin."""
         self.recorder: LinkRecorder | None = None
         self._pending: list[tuple[str, Pending]] = []
+        self._brake_refusals: list[str] = []
         self._out: set[int] = set()
         url = options.board_url(board)
         self.simulated = url.startswith("sim://")
@@ -164,7 +176,9 @@ class Bench:
         self._note("armed")
 
     def disarm(self) -> None:
-        """Outputs off, board disarmed; it may be armed again."""
+        """Stage stopped, outputs off, board disarmed; it may be armed again."""
+        self._stop_stage()
+        self._let_go()
         self._withdraw()
         self.glove.off()
         self._note("disarmed")
@@ -187,12 +201,39 @@ class Bench:
         self.pulsed_ns.append(at_ns)
         (self._out.update if toward_skin else self._out.difference_update)(channels)
 
+    def engage(self, channel: int, volts: float, frequency_hz: float) -> int:
+        """Volts on one output until ``release``, kept up while ``wait`` lets time pass; returns when they begin.
+
+        One supply: outputs that are on together have the highest volts and frequency asked for. Volts fall by themselves when
+        nobody waits.
+
+        :raises InputError: no brake board, an output without a name in the configuration, volts or frequency out of range.
+        """
+        brakes, name = self._brake(channel)
+        now_ns = self.now_ns
+        brakes.engage(name, volts, now_ns, frequency_hz=frequency_hz)
+        self.glove.tick(now_ns)
+        self._note("engaged", name, detail=f"{volts:g} V {frequency_hz:g} Hz")
+        return now_ns + COMMAND_LEAD_NS
+
+    def release(self, channel: int) -> int:
+        """No volts on one output any more; returns when it is shorted.
+
+        :raises InputError: no brake board, or an output without a name in the configuration.
+        """
+        brakes, name = self._brake(channel)
+        now_ns = self.now_ns
+        brakes.release(name, now_ns)
+        self.glove.tick(now_ns)
+        self._note("released", name)
+        return now_ns + COMMAND_LEAD_NS
+
     def refusals(self) -> list[str]:
         """Commands that the board refused or did not answer, so far, in words."""
         said = [(name, one) for name, one in self._pending if one.done]
         lost = [f"{name}: {one.error}" for name, one in said if one.error is not None]
         refused = [f"{name}: {Status(one.status).name.lower()}" for name, one in said if one.error is None and one.status]
-        return lost + refused
+        return lost + refused + self._brake_refusals
 
     def faults(self) -> tuple[Fault, ...]:
         """What went wrong at the board or on the way to it."""
@@ -211,6 +252,32 @@ class Bench:
         """What an instrument has measured so far."""
         return self.instruments[kind].samples()
 
+    # The stage.
+
+    @property
+    def stage(self) -> Stage:
+        """What moves the brake's hand.
+
+        :raises InputError: this rig has none.
+        """
+        if self._stage is None:
+            raise InputError("this rig has no stage; allowed: to move one that is among the rig's instruments")
+        return self._stage
+
+    def move(self, relative_m: float, speed_m_s: float) -> None:
+        """Begin to move the stage; ``settle`` waits for it.
+
+        :raises InputError: no stage, or a distance or speed out of range. :raises LinkLost: its port went away.
+        """
+        self.stage.move(relative_m, speed_m_s)
+        self._note("stage", "move", detail=f"{relative_m:g} m at {speed_m_s:g} m/s")
+
+    def settle(self) -> None:
+        """Wait until the stage stands; one that says no more is not waited for longer than its moves should take."""
+        latest_ns = self.stage.due_ns(self.now_ns)
+        while not self.stage.idle and self.now_ns < latest_ns:
+            self.wait(0.02)
+
     # Coming and going.
 
     def __enter__(self) -> Self:
@@ -219,7 +286,7 @@ class Bench:
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
         self._close(failed=kind is not None)
 
-    def _check_instruments(self, instruments: Sequence[type[SampleStream]], url: str) -> None:
+    def _check_instruments(self, instruments: Sequence[type[SampleStream] | type[Stage]], url: str) -> None:
         wanted = [kind.kind for kind in instruments]
         for kind in self.options.instruments:
             if kind not in wanted:
@@ -228,17 +295,21 @@ class Bench:
         if missing and not self.simulated:
             raise InputError(f"port = {url!r} is hardware, and no port is given for: {', '.join(missing)}")
 
-    def _open(self, kind: type[SampleStream], shared: Mapping[str, str]) -> None:
+    def _open(self, kind: type[SampleStream] | type[Stage], shared: Mapping[str, str]) -> None:
         url = self.options.instruments.get(kind.kind, f"sim://{kind.kind}")
         if url.startswith("sim://") and not self.simulated:
             raise InputError(f"{kind.kind} = {url!r} is simulated and the board is not; allowed: a port of its own")
         if not url.startswith("sim://") and self.simulated:
             raise InputError(f"{kind.kind} = {url!r} is hardware and the board is simulated; allowed: sim:// URLs")
         url = with_defaults(url, clock="virtual", seed=self.options.seed, **shared)
-        self.instruments[kind.kind] = kind(url)
+        one = kind(url)
+        if isinstance(one, Stage):
+            self._stage = one
+        else:
+            self.instruments[kind.kind] = one
 
     def _start_recording(
-        self, rig: str, url: str, instruments: Sequence[type[SampleStream]], plot: tuple[str, str] | None
+        self, rig: str, url: str, instruments: Sequence[type[SampleStream] | type[Stage]], plot: tuple[str, str] | None
     ) -> None:
         if self.options.record is None:
             return
@@ -247,14 +318,14 @@ class Bench:
             "title": rig,
             "rig": rig,
             "port": url,
-            "instruments": {name: one.url for name, one in self.instruments.items()},
+            "instruments": {one.kind: one.url for one in (*self.instruments.values(), self._stage) if one is not None},
             "level": self.options.level,
             "seed": self.options.seed,
             "channel": self.options.channel,
         }
         if plot is not None:
             header["default_plot"] = {"stream": plot[0], "signal": plot[1]}
-        streams = [_stream_spec(kind) for kind in instruments]
+        streams = [_stream_spec(kind) for kind in instruments if issubclass(kind, SampleStream)]
         self.recorder = LinkRecorder(self.options.record.with_suffix(".journal"), header, self.options.force, streams)
         for time_ns, name, to_board, data in self._early:
             self.recorder.wire(time_ns, name, to_board, data)
@@ -273,13 +344,21 @@ class Bench:
                 seen = "samples, but not what it is" if one.count else "nothing that reads as samples"
                 raise InstrumentSilent(one.url, f"the {one.kind} prints {seen}", "open", "is it on, and at this baud rate?")
             self.wait(0.05)
+        while self._stage is not None and not self._stage.state:
+            if self.now_ns > end_ns:
+                raise InstrumentSilent(
+                    self._stage.url, "the stage does not say how it is", "open", "is it on, and at this baud rate?"
+                )
+            self.wait(0.05)
         if self.recorder is not None:
             for kind, one in self.instruments.items():
                 self._note("instrument", kind, detail=" ".join(f"{key}={value}" for key, value in one.header.items()))
 
     def _close(self, failed: bool) -> None:
-        """Off, whatever else goes wrong; then ports closed and the record made whole."""
+        """Stage stopped, then off, whatever else goes wrong; then ports closed and the record made whole."""
         try:
+            self._stop_stage()
+            self._let_go()
             self._withdraw()
         finally:
             try:
@@ -288,7 +367,35 @@ class Bench:
                 self.glove.close()
                 for one in self.instruments.values():
                     one.close()
+                if self._stage is not None:
+                    self._stage.close()
                 self._end_recording(failed)
+
+    def _stop_stage(self) -> None:
+        """Nothing pulls any more; before volts drop, for strips that let go under a moving hand fly."""
+        if self._stage is not None and not self._stage.idle:
+            with contextlib.suppress(HapticsError):  # what ends the run goes on to end it, and volts have to drop in any case
+                self._stage.stop()
+
+    def _let_go(self) -> None:
+        """Brakes released, as long as the board takes commands; the driver would drive again once it is armed anew."""
+        brakes, watch = self.glove.brakes, self.watch
+        if brakes is None or not brakes.engaged():
+            return
+        brakes.release_all(self.now_ns)
+        if not self.link.armed or self.link.error is not None:
+            return
+        self.watch = None
+        with contextlib.suppress(HapticsError):
+            self.glove.tick(self.now_ns)
+            self.wait(2 * COMMAND_LEAD_NS / NS_PER_S)
+        self.watch = watch
+
+    def _brake(self, channel: int) -> tuple[BrakeDriver, str]:
+        brakes = self.glove.brakes
+        if brakes is None:
+            raise InputError(f"board = {self.board!r} has no brakes; allowed: a rig on a brake board")
+        return brakes, brakes.channels[int(in_range("channel", channel, 0, len(brakes.channels) - 1))]
 
     def _end_recording(self, failed: bool) -> None:
         recorder, self.recorder = self.recorder, None
@@ -325,6 +432,11 @@ class Bench:
                 stream = self.recorder.streams[kind]
                 for number, values in one.fresh():
                     stream.append((now_ns, number, *values))
+        if self._stage is not None:
+            self._stage.poll(now_ns)
+        if self.glove.brakes is not None:
+            refused = self.glove.brakes.take_refusals()
+            self._brake_refusals += [f"{one.command}: {one.reason}" for one in refused]
         if self.recorder is not None:
             self.recorder.acknowledge(now_ns)
         if self.link.error is not None:

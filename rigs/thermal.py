@@ -30,6 +30,13 @@ from rigs.thermal_plots import heat_plots
 NAME = "thermal"
 BOARD = "tactiles"
 INSTRUMENTS = (Thermocouple,)
+PUBLISHED = {
+    "tau_s": "thermal_tau",
+    "c_nominal_k_per_w": "thermal_c",
+    "rise_max_k": "thermal_rise",
+    "nominal_power_w": "thermal_power",
+}
+"""Quantity here, number of the reference it answers."""
 REST_S, HEAT_S, COOL_S = 20.0, 360.0, 360.0
 SWITCHES_HZ = 2.0
 PULSE_S = 10e-3
@@ -120,6 +127,7 @@ def evaluate(record: ThermalRun, simulated_event_level: bool = False) -> RigResu
         measured=tuple(measured),
         plots=plots,
         notes=fit.notes(),
+        details={"c_sd": fit.c_sd},
     )
 
 

@@ -2,12 +2,13 @@
 
 ::
 
-    x' = (c P - x) / tau        rise of the actuator; P in every 20 ms as the pulses' measured energy says
+    x' = (c P - x) / tau        rise of the actuator; P in every 20 ms as the pulses' measured energy says, of a cold coil
     y' = (x - y) / lag          rise of the junction
     T  = T0 + d t + y           what is read; d is the room's drift
 
-``c`` is kelvin for each watt really taken. A warm coil takes less from 5 V, so the power falls as it heats; divided by the
-nominal 0.36 W (18 W, 10 ms, 2 Hz), as the thesis does, the same curve gives a smaller number, ``c_nominal``.
+``c`` is kelvin for each watt that a cold coil takes, as in the source, whose 0.36 W are 18 W a pulse all along: a warm coil takes
+less from 5 V, and what that does to the curve is in ``c``. ``c_taken`` counts the watts really taken at the end of heating, and
+``c_nominal`` divides the rise by the nominal 0.36 W whatever this coil's resistance.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from haptics.errors import InputError
+from haptics.physics.thermal import PULSE_ENERGY_J
 from rigs.fitting import Fit, Vector, least_squares_fit, quadrature
 from rigs.instruments.thermocouple import DRIFT_SD_K_S, GAIN_SD, LAG_S, LAG_SD_S
 from rigs.result import Quantity
@@ -92,12 +94,12 @@ class PulseRecord:
         slope = np.polyfit(self.pulse[resting], self.current_a[resting], 4)
         return float(np.mean(1.0 - self.current_a[moving] / np.polyval(slope, self.pulse[moving])))
 
-    def energies_j(self, rise_k: Vector) -> Vector:
-        """Energy of each pulse (n,) of an actuator that was ``rise_k`` (n,) warm: volts times current times length.
+    def power(self, rise_k: Vector) -> tuple[float, float]:
+        """Power (W) of a cold pulse, and by how much each kelvin of rise divides it, ``P = P0 / (1 + a rise)``.
 
-        A coil's resistance goes straight with its temperature, so ``P = P0 / (1 + a rise)`` is fitted to all samples of the power.
-        They meet the pulses at all phases alike, which averages over what the pin's motion takes. What the current takes to rise
-        (0.1 % of the energy) is left out: samples on an edge tell more of the clock than of the coil.
+        Fitted to all samples of an actuator that was ``rise_k`` (n,) warm at its pulses. They meet the pulses at all phases
+        alike, which averages over what the pin's motion takes. What the current takes to rise (0.1 % of the energy) is left
+        out: samples on an edge tell more of the clock than of the coil.
 
         :raises InputError: telemetry met too few pulses.
         """
@@ -109,7 +111,7 @@ class PulseRecord:
         fit = least_squares_fit(
             lambda values: values[0] / (1.0 + values[1] * warm_k), power_w, 0.01 * cold_w, {"cold_w": cold_w, "per_k": 0.004}
         )
-        return self.length_s * fit.value("cold_w") / (1.0 + fit.value("per_k") * rise_k)
+        return fit.value("cold_w"), fit.value("per_k")
 
 
 @dataclass(frozen=True)
@@ -118,16 +120,23 @@ class HeatFit:
 
     fit: Fit
     pulses: PulseRecord
-    energy_j: Vector
-    """Of each pulse (n,)."""
+    cold_w: float
+    """Power of a cold pulse."""
+    warm_w: float
+    """Power of a pulse at the end of heating."""
     model: Vector
     """Temperature at each sample (m,), the room's drift left out."""
 
     @property
     def power_w(self) -> float:
-        """Mean power at the end of heating."""
+        """Mean power of heating, counted as a cold coil takes it."""
+        return self.cold_w * self.pulses.length_s * self.rate_hz
+
+    @property
+    def rate_hz(self) -> float:
+        """Switches a second, as they were told to come."""
         start_s = self.pulses.start_s
-        return float(self.energy_j[-1]) * (len(start_s) - 1) / float(start_s[-1] - start_s[0])
+        return (len(start_s) - 1) / float(start_s[-1] - start_s[0])
 
     @property
     def lag_s(self) -> float:
@@ -156,24 +165,25 @@ class HeatFit:
     def quantities(self) -> dict[str, Quantity]:
         """What the rig is for."""
         fit, power_w = self.fit, self.power_w
-        c, cold_w = fit.value("c_k_per_w"), float(self.energy_j[0]) / self.pulses.length_s
+        c, taken = fit.value("c_k_per_w"), self.cold_w / self.warm_w
         rise_sd = quadrature((fit.sd("c_k_per_w") * power_w, c * power_w * GAIN_SD))
         return {
             "tau_s": Quantity(fit.value("tau_s"), fit.sd("tau_s"), "s"),
             "c_k_per_w": Quantity(c, self.c_sd, "K/W"),
             "rise_max_k": Quantity(c * power_w, rise_sd, "K"),
             "c_nominal_k_per_w": Quantity(c * power_w / NOMINAL_W, rise_sd / NOMINAL_W, "K/W"),
+            "c_taken_k_per_w": Quantity(c * taken, self.c_sd * taken, "K/W"),
+            "nominal_power_w": Quantity(self.rate_hz * PULSE_ENERGY_J, 0.0, "W"),
             "power_w": Quantity(power_w, power_w * POWER_SD, "W"),
-            "pulse_power_w": Quantity(cold_w, cold_w * POWER_SD, "W"),
+            "pulse_power_w": Quantity(self.cold_w, self.cold_w * POWER_SD, "W"),
             "lag_s": Quantity(fit.value("lag_s"), fit.sd("lag_s"), "s"),
         }
 
     def notes(self) -> tuple[str, ...]:
         """What a reader should know."""
-        cold_w, warm_w = self.energy_j[[0, -1]] / self.pulses.length_s
         return (
-            f"A pulse takes {cold_w:.2f} W when cold and {warm_w:.2f} W at the end of heating. c counts the power really taken; "
-            f"c_nominal divides by the nominal {NOMINAL_W:g} W, as the published number does.",
+            f"A pulse takes {self.cold_w:.2f} W when cold and {self.warm_w:.2f} W at the end of heating. c counts cold watts, as the "
+            f"source does, c_taken those really taken; c_nominal divides by {NOMINAL_W:g} W whatever this coil's resistance.",
         )
 
 
@@ -187,10 +197,11 @@ def fit_heat(seconds: Vector, celsius: Vector, pulses: PulseRecord, noise_k: flo
     from scipy.signal import lfilter
 
     room_c = float(celsius[: max(10, len(celsius) // 50)].mean())
-    energy_j = pulses.energies_j(_smooth_rise_k(seconds, celsius, pulses.start_s) - room_c)
+    rise_k = _smooth_rise_k(seconds, celsius, pulses.start_s) - room_c
+    cold_w, per_k = pulses.power(rise_k)
     cells = int(np.ceil((seconds[-1] - seconds[0]) / CELL_S)) + 1
     edges = seconds[0] + CELL_S * np.arange(cells + 1)
-    power_w = np.histogram(pulses.start_s + 0.5 * pulses.length_s, bins=edges, weights=energy_j)[0] / CELL_S
+    power_w = np.histogram(pulses.start_s + 0.5 * pulses.length_s, bins=edges)[0] * cold_w * pulses.length_s / CELL_S
 
     def model(values: Vector) -> Vector:
         tau_s, c, lag_s, room_c, drift = values
@@ -208,7 +219,7 @@ def fit_heat(seconds: Vector, celsius: Vector, pulses: PulseRecord, noise_k: flo
         bounds={"tau_s": (1.0, 5000.0), "c_k_per_w": (0.0, 5000.0), "lag_s": (1e-3, 60.0)},
     )
     drift = fit.value("drift_k_s") * seconds
-    return HeatFit(fit, pulses, energy_j, model(fit.values) - drift)
+    return HeatFit(fit, pulses, cold_w, cold_w / (1.0 + per_k * float(rise_k[-1])), model(fit.values) - drift)
 
 
 def _smooth_rise_k(seconds: Vector, celsius: Vector, at_s: Vector) -> Vector:

@@ -52,7 +52,7 @@ def heat_plots(seconds: Vector, celsius: Vector, fit: HeatFit, record: ThermalRu
         y_label="power (W)",
         series=(
             series("measured", "measured", pulses.start_s[pulses.pulse], pulses.current_a * pulses.volts),
-            series("averaged", "fit", pulses.start_s, fit.energy_j / pulses.length_s),
+            series("of a cold coil", "fit", pulses.start_s[[0, -1]], np.array([fit.cold_w, fit.cold_w])),
             series("published: 18 W (3.4.3)", "published", pulses.start_s[[0, -1]], np.array([18.0, 18.0])),
         ),
     )

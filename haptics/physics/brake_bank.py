@@ -37,7 +37,8 @@ class BrakeBank:
     that of ``OutputStage`` with one output, clamped reversal, no leak.
 
     :param step_s: 1 us to 100 ms. :param friction: of ``dynamic``: coulomb or lugre. :param compiled: False runs plain Python.
-    :raises InputError: a count outside 1 to 10 million, an unknown level or friction, direct reversal, or a number out of range.
+    :raises InputError: a count outside 1 to 10 million, an unknown level or friction, direct reversal, a reservoir, or a
+        number out of range.
     """
 
     def __init__(
@@ -55,6 +56,7 @@ class BrakeBank:
         self.count = int(in_range("count", count, 1, GREATEST_COUNT))
         self.system = system = BrakeSystem() if system is None else system
         one_of("reversal", system.reversal, ("clamped",))
+        in_range("reservoir_f", system.drive.reservoir_f, 0.0, 0.0, "F")
         one_of("friction", friction, FRICTIONS)
         self._model = 0 if one_of("level", level, LEVELS) == "lagged" else 1 + FRICTIONS.index(friction)
         self.step_s = in_range("step_s", step_s, LEAST_STEP_S, GREATEST_STEP_S, "s")

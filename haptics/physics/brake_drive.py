@@ -15,8 +15,9 @@ Reversal *clamped* (default): the bridge first shorts the output, then charges i
 each half period, ``2 C V f`` in all. *Direct*: the supply drives the whole swing, ``4 C V f``, and must stay at its set
 voltage meanwhile. Supply power is the mean of v i at the supply's output, where a current-limited supply sags to the
 load's voltage: at least ``C V^2 f`` clamped, ``4 C V^2 f`` direct, against the ``C V^2 f / 2`` of Eq 4.4, which counts one
-charge a period. ``C V / I`` is 7.6 ms for the thesis' brake, not the 50 ms of 4.7.1. A reservoir on the bus adds a charge share at
-each reversal: ``steady_half_period`` and ``supply_power_w`` know it (``brake_reservoir``), the one capacitance of ``Charging`` does not.
+charge a period. ``C V / I`` is 7.6 ms for the thesis' brake, not the 50 ms of 4.7.1. A reservoir on the bus adds a
+charge share at each reversal: ``steady_half_period`` and ``supply_power_w`` know it (``brake_reservoir``); ``Charging``, with its
+one capacitance, refuses it.
 """
 
 from __future__ import annotations

@@ -29,7 +29,7 @@ class FingerParameters(Parameters):
     load_stiffness_n_m: float = parameter(1000.0, "N/m", "assumed", "tensed muscle", low=1.0, high=3e5)
     load_damping_n_s_m: float = parameter(5.0, "N s/m", "assumed", "half of critical", low=0.0, high=1e5)
     slack_m: float = parameter(1e-3, "m", "assumed", "play before strips are taut (seen in 4.7.3)", low=0.0, high=1.0)
-    strip_stiffness_n_m: float = parameter(4e3, "N/m", "assumed", "near the stiffest of Table 4.2, in N/mm", low=1.0, high=1e7)
+    strip_stiffness_n_m: float = parameter(4e3, "N/m", "assumed", "steel strip, anchors and fabric in series", low=1.0, high=1e7)
 
 
 FINGER = FingerParameters()

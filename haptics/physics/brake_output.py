@@ -165,12 +165,15 @@ class OutputStage:
 
     @property
     def bus_v(self) -> float:
-        """Voltage at the supply's output: the setpoint, or less while the load holds it down."""
+        """Voltage at the supply's output: the setpoint, less while the load holds it down, more while the load holds it up."""
         u_v = self._bridge_v * self._polarity
         if not self.charging:
             return self._idle_v
-        if self._stiff or u_v >= self._set_v:
+        if self._stiff:
             return self._set_v
+        if u_v >= self._set_v:
+            # The supply cannot sink: the load feeds the bleeder.
+            return max(self._set_v, u_v / (1.0 + self._drive.output_resistance_ohm / self._drive.bleeder_ohm))
         return min(self._set_v, u_v + self._current_into_bridge_a() * self._drive.output_resistance_ohm)
 
     @property

@@ -2,8 +2,8 @@
 
 ``rise' = (c P - rise) / tau`` with ``rise`` (K) above the room, ``P`` (W) electrical power, ``c`` (K/W), ``tau`` (s)
 (thesis 3.5.2). One switch is short against ``tau`` and counts as a jump of ``E c / tau``. Advancing is exact at any step, so
-heat costs nothing between events. ``c`` was measured with the coil's resistance rise in it; power here is what the supply
-gives, so that rise is not counted twice.
+heat costs nothing between events. ``c`` was measured with the coil's resistance rise in it: power is what a cold coil takes,
+18 W a pulse, and does not fall as the coil warms, or that rise would be counted twice.
 """
 
 from __future__ import annotations

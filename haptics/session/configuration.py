@@ -9,10 +9,12 @@ import tomllib
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from haptics.errors import InputError
 from haptics.link.messages import BRAKE_CHANNELS, COIL_CHANNELS, DEFAULT_BAUD
+from haptics.physics.brake_force import ForceLaw, ThresholdLaw, default_law
+from haptics.physics.brake_parameters import BRAKE
 from haptics.scene.sites import SITES
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
@@ -59,6 +61,13 @@ class TactilesConfiguration(_Part):
         return sites
 
 
+class BrakeCalibration(_Part):
+    """What a pull tester measured of one brake: ``F = k (V^2 - V0^2)`` at its own overlap, dielectric and volts."""
+
+    k_n_v2: Annotated[float, Field(ge=1e-8, le=1e-3)]
+    threshold_v: Annotated[float, Field(ge=0, le=1500)]
+
+
 class BrakeConfiguration(_Part):
     """Brakes or clutches on one high-voltage supply. ``channels[i]`` names what output ``i`` drives."""
 
@@ -70,6 +79,21 @@ class BrakeConfiguration(_Part):
     frequency_hz: Annotated[float, Field(ge=1, le=1000)] = Field(default=20.0, description="bipolar square wave, Hz (4.5.2)")
     ttl_s: Annotated[float, Field(ge=0.02, le=1.0)] = Field(default=0.2, description="volts fall by themselves after this, s")
     overlap_m2: Annotated[float, Field(ge=1e-6, le=0.1)] = Field(default=11e-4, description="strip overlap, m² (4.7.1)")
+    calibration: dict[str, BrakeCalibration] = Field(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _of_known_brakes(self) -> BrakeConfiguration:
+        unknown = [name for name in self.calibration if name not in self.channels]
+        if unknown:
+            raise ValueError(f"calibration of {', '.join(unknown)}, which no output drives; allowed: {', '.join(self.channels)}")
+        return self
+
+    def law(self, name: str) -> tuple[ForceLaw, float]:
+        """Force law of one output and the overlap (m2) it counts with: what a bench measured of it, or the published fit."""
+        own = self.calibration.get(name)
+        if own is not None:
+            return ThresholdLaw(own.k_n_v2, own.threshold_v), BRAKE.overlap_m2
+        return default_law("thumb" if name == "thumb" else "index"), self.overlap_m2
 
     @field_validator("channels")
     @classmethod

@@ -10,7 +10,6 @@ from typing import Any
 
 from haptics.devices import TactilesDriver
 from haptics.errors import InputError
-from haptics.physics.brake_force import default_law
 from haptics.session.configuration import BrakeConfiguration, load_configuration
 from haptics.session.glove import TICK_NS, Glove
 from haptics.time import NS_PER_S, seconds_to_ns
@@ -102,7 +101,8 @@ class OpenGlove:
         if self._glove.brakes is None:
             raise InputError("this glove has no brake controller; allowed: open it with brake=…")
         if force_n is not None:
-            volts = default_law("thumb" if name == "thumb" else "index").volts_for(force_n, self._brake.overlap_m2)
+            law, overlap_m2 = self._brake.law(name)
+            volts = law.volts_for(force_n, overlap_m2)
         assert volts is not None
         with self._lock:
             self._glove.brakes.engage(name, volts, self._glove.now_ns(), ttl_s=ttl_s)

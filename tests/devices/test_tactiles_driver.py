@@ -94,8 +94,8 @@ def test_heat_denies_contacts_before_the_limit_and_never_a_release(glove):
     assert max(_truth(glove)["rise_k"]) <= 25.0
 
 
-def test_what_the_budget_believes_is_at_least_what_the_plant_feels(glove):
-    """18 W x 10 ms is charged; the plant's current rises with L/R, so it takes a little less."""
+def test_what_the_budget_believes_is_what_the_plant_feels(glove):
+    """18 W x 10 ms is charged; 5 V on 1.38 ohm are 18.1 W, of which motion and the current's rise take up to 1 %."""
     glove.arm()
     for _ in range(20):
         glove.contact("index_tip")
@@ -104,7 +104,7 @@ def test_what_the_budget_believes_is_at_least_what_the_plant_feels(glove):
         glove.advance(0.05)
     believed_k = glove.state().rise_k["index_tip"]
     felt_k = _truth(glove)["rise_k"][1]
-    assert felt_k <= believed_k <= 1.02 * felt_k
+    assert believed_k == pytest.approx(felt_k, rel=0.01)
 
 
 def test_going_off_withdraws_the_pins_and_disarms(glove):

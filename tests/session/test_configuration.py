@@ -31,6 +31,7 @@ def test_the_example_on_the_page_is_valid_and_shows_the_defaults():
     assert example is not None
     shown = check_configuration(tomllib.loads(example.group(1)), "the page")
     plain = shown.model_copy(update={"side": "auto", "tactiles": shown.tactiles.model_copy(update={"calibration": {}})})
+    plain = plain.model_copy(update={"brake": shown.brake.model_copy(update={"calibration": {}})})
     assert plain == Configuration()
 
 
@@ -59,6 +60,15 @@ def test_what_is_not_allowed_is_refused_by_name_value_and_range(table, words):
 def test_calibration_of_a_site_that_is_not_there_is_refused():
     with pytest.raises(InputError, match="elbow"):
         check_configuration({"tactiles": {"calibration": {"elbow": {"tau_s": 90}}}}, "glove.toml")
+
+
+def test_a_calibrated_brake_gets_the_volts_of_its_own_law():
+    own = {"brake": {"calibration": {"index": {"k_n_v2": 8e-6, "threshold_v": 100.0}}}}
+    law, overlap_m2 = check_configuration(own, "glove.toml").brake.law("index")
+    # F = k (V^2 - V0^2) + 5 mN of off force, solved by hand for 4 N
+    assert law.volts_for(4.0, overlap_m2) == pytest.approx(((4.0 - 0.005) / 8e-6 + 100.0**2) ** 0.5, rel=1e-9)
+    with pytest.raises(InputError, match=r"calibration of thumb, which no output drives; allowed: index"):
+        check_configuration({"brake": {"channels": ["index"], "calibration": {"thumb": own["brake"]["calibration"]["index"]}}}, "x")
 
 
 def test_a_file_that_is_not_toml_is_refused_with_its_place(tmp_path):

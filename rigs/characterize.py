@@ -1,0 +1,286 @@
+"""A rig run on one device or several, and all that is left of it: recordings, pictures, one page, plain data."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor, ProcessPoolExecutor
+from dataclasses import dataclass, replace
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from haptics.errors import InputError
+from haptics.recording.output import refuse_existing, replacing
+from haptics.session.recorder import provenance
+from haptics.units import in_range
+from rigs.bench import BenchOptions
+from rigs.catalogue import rig
+from rigs.comparison import Row, compare
+from rigs.report import Block, Page, png_bytes, render_page
+from rigs.report.page import Table
+from rigs.result import Plot, Quantity, RigResult, series
+
+MOST_DEVICES = 1000
+
+
+@dataclass(frozen=True)
+class Characterisation:
+    """What came of it. ``quantities``: of the one device, or mean and scatter of those that showed no fault."""
+
+    rig: str
+    port: str
+    level: str | None
+    seed: int
+    results: tuple[RigResult, ...]
+    quantities: Mapping[str, Quantity]
+    rows: tuple[Row, ...]
+    files: tuple[Path, ...] = ()
+
+    @property
+    def sound(self) -> bool:
+        """Every device was measured without a fault and within the rig's limits."""
+        return all(result.sound for result in self.results)
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data: each quantity and ``..._sd``, then the rest; nulls where a fault forbade a fit."""
+        first = self.results[0]
+        quantities = dict(self.quantities)
+        data: dict[str, Any] = {"rig": self.rig, "port": self.port, "level": self.level, "seed": self.seed}
+        data["devices"] = len(self.results)
+        for name, quantity in quantities.items():
+            data[name], data[f"{name}_sd"] = quantity.value, quantity.sd
+        if not quantities:
+            data |= {name: None for name in rig(self.rig).PUBLISHED}
+        if len(self.results) == 1:
+            data |= first.details
+        chi2 = [result.reduced_chi2 for result in self.results if result.reduced_chi2 is not None]
+        data["chi2_reduced"] = float(np.mean(chi2)) if chi2 else None
+        data["faults"] = [
+            {"device": k, "what": fault.what, "why": fault.why}
+            for k, result in enumerate(self.results)
+            for fault in result.faults
+        ]
+        data["measured"] = [
+            {
+                "device": k,
+                "name": one.measurement.name,
+                "value": one.value,
+                "unit": one.measurement.unit,
+                "low": one.measurement.low,
+                "high": one.measurement.high,
+                "within": one.within,
+            }
+            for k, result in enumerate(self.results)
+            for one in result.measured
+        ]
+        if len(self.results) > 1:
+            data["each"] = [
+                {name: {"value": q.value, "sd": q.sd, "unit": q.unit} for name, q in result.quantities.items()}
+                for result in self.results
+            ]
+        data["published"] = [row.to_json() for row in self.rows]
+        data["notes"] = list(dict.fromkeys(note for result in self.results for note in result.notes))
+        data["files"] = [str(path) for path in self.files]
+        return data
+
+
+def characterize(
+    name: str,
+    options: BenchOptions,
+    devices: int = 1,
+    out: Path | None = None,
+    executor: Executor | None = None,
+) -> Characterisation:
+    """Run a rig and write what it says.
+
+    :param name: of the rig. :param options: where it runs; ``record`` is set here.
+    :param devices: simulated ones, each a board of its own with seeds from ``options.seed`` on, run side by side in processes;
+        the instruments of a real bench sit on one device.
+    :param out: folder to write to, made if need be; None writes nothing.
+    :param executor: what runs several devices; a pool of processes if None.
+    :raises InputError: no such rig, several devices on hardware, a file that exists.
+    :raises HapticsError: the bench failed; whatever was recorded is in ``out``, marked incomplete.
+    """
+    chosen = rig(name)
+    devices = int(in_range("devices", devices, 1, MOST_DEVICES))
+    if devices > 1 and not options.board_url(chosen.BOARD).startswith("sim://"):
+        raise InputError(
+            f"devices = {devices} is not allowed on hardware: the instruments sit on one; allowed: 1, then another --channel"
+        )
+    if out is not None:
+        _make_folder(out, name, options.force)
+    jobs = [_job(name, options, out, k, devices) for k in range(devices)]
+    results = (chosen.run(jobs[0]),) if devices == 1 else _run_all(name, jobs, executor, options.progress)
+    done = gathered(name, options, results)
+    if out is None:
+        return done
+    options.progress(f"{name}: writing")
+    files = [path for path in sorted(out.glob(f"{name}*.h5"))]
+    return replace(done, files=tuple(files + _write(done, out, options.force)))
+
+
+def gathered(name: str, options: BenchOptions, results: tuple[RigResult, ...]) -> Characterisation:
+    """Results of one or several devices together, beside the published numbers."""
+    chosen = rig(name)
+    quantities = results[0].quantities if len(results) == 1 else _over_devices(results)
+    rows = tuple(compare(chosen.PUBLISHED, quantities)) if quantities else ()
+    return Characterisation(name, options.board_url(chosen.BOARD), options.level, options.seed, results, quantities, rows)
+
+
+def run_one(name: str, options: BenchOptions) -> RigResult:
+    """One rig on one device; a function with a name, so that another process can be told to."""
+    return rig(name).run(options)
+
+
+def summary_blocks(done: Characterisation) -> list[Block]:
+    """The parts of a page about one characterisation."""
+    faults = [f"{fault.what}: {fault.why}" for result in done.results for fault in result.faults]
+    tables = []
+    if done.rows:
+        tables.append(published_table(done.rows))
+    if done.quantities:
+        head = ("quantity", "value", "standard deviation", "unit")
+        rows = [(name, one.value, one.sd, one.unit) for name, one in done.quantities.items()]
+        what = "measured" if len(done.results) == 1 else f"mean and scatter of {len(done.results)} devices"
+        tables.append(Table(what, head, rows))
+    if len(done.results) == 1 and done.results[0].measured:
+        rows = [
+            (
+                m.measurement.meaning,
+                m.value,
+                f"{m.measurement.low:g} to {m.measurement.high:g}",
+                m.measurement.unit,
+                _kept(m.within),
+            )
+            for m in done.results[0].measured
+        ]
+        tables.append(Table("limits of the set-up", ("what", "value", "allowed", "unit", "kept"), rows))
+    notes = list(dict.fromkeys(note for result in done.results for note in result.notes))
+    plots = [*_device_plots(done), *done.results[0].plots]
+    return [Block("Result", notes, faults, tables), Block("Curves", plots=plots)]
+
+
+def published_table(rows: Sequence[Row]) -> Table:
+    """Rows of a comparison as a table for the page."""
+    head = ("quantity", "section", "published", "ours", "unit", "role", "verdict", "why")
+    return Table("against the source", head, [row.cells() for row in rows])
+
+
+def _job(name: str, options: BenchOptions, out: Path | None, k: int, devices: int) -> BenchOptions:
+    stem = name if devices == 1 else f"{name}-{k}"
+    record = None if out is None else out / f"{stem}.h5"
+    return replace(options, seed=options.seed + k, record=record)
+
+
+def _run_all(
+    name: str, jobs: Sequence[BenchOptions], executor: Executor | None, progress: Callable[[str], None]
+) -> tuple[RigResult, ...]:
+    quiet = [replace(job, progress=BenchOptions().progress) for job in jobs]
+    pool = executor or ProcessPoolExecutor(mp_context=get_context("spawn"))
+    try:
+        futures = [pool.submit(run_one, name, job) for job in quiet]
+        results = []
+        for k, future in enumerate(futures):
+            progress(f"{name}: device {k + 1} of {len(jobs)}")
+            results.append(future.result())
+        return tuple(results)
+    finally:
+        if executor is None:
+            pool.shutdown(cancel_futures=True)
+
+
+def _over_devices(results: Sequence[RigResult]) -> dict[str, Quantity]:
+    """Mean and standard deviation over the devices that have a value."""
+    found: dict[str, list[Quantity]] = {}
+    for result in results:
+        for name, quantity in result.quantities.items():
+            found.setdefault(name, []).append(quantity)
+    return {
+        name: Quantity(
+            float(np.mean([one.value for one in several])),
+            float(np.std([one.value for one in several], ddof=1)) if len(several) > 1 else several[0].sd,
+            several[0].unit,
+        )
+        for name, several in found.items()
+    }
+
+
+def _device_plots(done: Characterisation) -> list[Plot]:
+    """Each published quantity over the devices."""
+    if len(done.results) == 1:
+        return []
+    plots = []
+    for row in done.rows:
+        several = [(k, r.quantities[row.name]) for k, r in enumerate(done.results) if row.name in r.quantities]
+        k = [number for number, _ in several]
+        shown = [series("measured", "measured", k, [q.value for _, q in several], [1.96 * q.sd for _, q in several])]
+        if row.published is not None:
+            error = [row.tolerance if row.tolerance is not None else 0.0] * len(k)
+            shown.append(series("published", "published", k, [row.published] * len(k), error))
+        plots.append(
+            Plot(
+                f"{done.rig}-devices-{row.name}",
+                f"{row.quantity}, device by device",
+                "device",
+                f"{row.name} ({row.unit})",
+                tuple(shown),
+            )
+        )
+    return plots
+
+
+def _write(done: Characterisation, out: Path, force: bool) -> list[Path]:
+    name, files = done.rig, []
+    for plot in [*_device_plots(done), *done.results[0].plots]:
+        with replacing(out / f"{plot.name}.png", force) as partial:
+            partial.write_bytes(png_bytes(plot))
+        files.append(out / f"{plot.name}.png")
+    page = Page(
+        f"Characterisation: {name}",
+        f"{done.port}, {len(done.results)} device{'s' if len(done.results) > 1 else ''}, "
+        + ("no fault seen." if done.sound else "with faults or limits not kept: see below."),
+        summary_blocks(done),
+        {"rig": name, "port": done.port, "level": done.level or "the board's", "seed": done.seed, **made_with()},
+    )
+    with replacing(out / f"{name}.html", force) as partial:
+        partial.write_text(render_page(page), encoding="utf-8")
+    files.append(out / f"{name}.html")
+    files.append(out / f"{name}.json")
+    with replacing(files[-1], force) as partial:
+        data = finite(replace(done, files=tuple(sorted(out.glob(f"{name}*.h5"))) + tuple(files)).to_json())
+        partial.write_text(json.dumps(data, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    return files
+
+
+def _make_folder(out: Path, name: str, force: bool) -> None:
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{out}: no folder can be made there ({error.strerror or error})") from error
+    for taken in [*out.glob(f"{name}*.h5"), out / f"{name}.html", out / f"{name}.json"]:
+        refuse_existing(taken, force)
+
+
+def made_with() -> dict[str, Any]:
+    """Version, commit, interpreter and machine, for the foot of a page."""
+    made = provenance()
+    return {key: made[key] for key in ("version", "git_commit", "python", "machine")}
+
+
+def _kept(within: bool) -> str:
+    return "yes" if within else "no"
+
+
+def finite(value: Any) -> Any:
+    """Plain data; what is not finite becomes null."""
+    if isinstance(value, Mapping):
+        return {str(key): finite(one) for key, one in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [finite(one) for one in value]
+    if hasattr(value, "tolist"):
+        return finite(value.tolist())
+    return None if isinstance(value, float) and not math.isfinite(value) else value

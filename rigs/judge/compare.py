@@ -1,0 +1,32 @@
+"""All cases, run one after the other."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from rigs.judge.brake_cases import BrakeCase, brake_cases
+from rigs.judge.coil_cases import CoilCase, coil_cases
+from rigs.judge.heat_cases import HeatCase, heat_cases
+from rigs.judge.judgement import Judgement
+
+__all__ = ["Judgement", "all_cases", "judge"]
+
+
+def all_cases(quick: bool = False) -> list[BrakeCase | CoilCase | HeatCase]:
+    """The declared cases; ``quick``: a few of each kind."""
+    cases: list[BrakeCase | CoilCase | HeatCase] = [*brake_cases(), *coil_cases(), *heat_cases()]
+    return [case for case in cases if case.quick] if quick else cases
+
+
+def judge(quick: bool = False, progress: Callable[[str], None] | None = None) -> list[Judgement]:
+    """Every model against ngspice over the declared cases, a row for each quantity.
+
+    :param progress: told each case's name before it runs.
+    :raises HapticsError: ngspice is not installed, or gives up on a circuit.
+    """
+    rows: list[Judgement] = []
+    for case in all_cases(quick):
+        if progress is not None:
+            progress(case.name)
+        rows += case.judged()
+    return rows

@@ -1,0 +1,63 @@
+"""One self-contained page: nothing is fetched, so that it can be mailed, and looks the same in ten years."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from importlib.resources import files
+from typing import Any
+
+from haptics.errors import InputError
+from rigs.report.figures import svg_text
+from rigs.result import Plot
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table: column heads, and rows of the same length. A cell is shown as text."""
+
+    title: str
+    head: Sequence[str]
+    rows: Sequence[Sequence[Any]]
+
+
+@dataclass(frozen=True)
+class Block:
+    """One part of a page: a heading, sentences, warnings, tables, curves."""
+
+    title: str
+    text: Sequence[str] = ()
+    warnings: Sequence[str] = ()
+    tables: Sequence[Table] = ()
+    plots: Sequence[Plot] = ()
+
+
+@dataclass(frozen=True)
+class Page:
+    """A page: title, a sentence under it, blocks, and what it was made with."""
+
+    title: str
+    summary: str
+    blocks: Sequence[Block]
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+
+
+def render_page(page: Page) -> str:
+    """The page as HTML.
+
+    :raises InputError: jinja2 or matplotlib is not installed.
+    """
+    try:
+        from jinja2 import Environment, StrictUndefined
+    except ImportError as error:
+        raise InputError("pages need jinja2; allowed: pip install 'wearable-haptics[report]'") from error
+    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    template = environment.from_string(files("rigs.report").joinpath("page.html").read_text(encoding="utf-8"))
+    figures = {plot.name: svg_text(plot) for block in page.blocks for plot in block.plots}
+    return template.render(page=page, figures=figures, cell=_cell)
+
+
+def _cell(value: Any) -> str:
+    if value is None:
+        return "–"
+    return f"{value:.4g}" if isinstance(value, float) else str(value)

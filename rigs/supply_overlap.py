@@ -1,0 +1,47 @@
+"""Capacitance of a brake against how far its strips were pulled apart: an overlap sensor.
+
+A hand first takes out the slack; from there on every metre takes ``e_r e_0 w / d`` of capacitance (derived from Eq 4.1: 23 pF/mm).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rigs.fitting import Vector, least_squares_fit
+
+
+@dataclass(frozen=True)
+class OverlapFit:
+    """``C = whole_f - sensitivity max(0, x - slack)``: strips slide once the slack is out."""
+
+    whole_f: float
+    sensitivity_f_m: float
+    sensitivity_sd: float
+    slack_m: float
+    reduced_chi2: float
+
+    def at(self, travel_m: Vector) -> Vector:
+        """Capacitance (n,) at some ways."""
+        return self.whole_f - self.sensitivity_f_m * np.maximum(0.0, travel_m - self.slack_m)
+
+
+def fit_overlap(rows: Sequence[tuple[float, float, float]]) -> OverlapFit:
+    """The line, from way, capacitance and its sd at each stop.
+
+    :raises InputError: too few stops.
+    """
+    travel_m, c_f, sd_f = (np.array(column) for column in zip(*rows, strict=True))
+
+    def model(values: Vector) -> Vector:
+        whole_f, lost_f_m, slack_m = values
+        return whole_f - lost_f_m * np.maximum(0.0, travel_m - slack_m)
+
+    farthest_m = float(travel_m.max())
+    start = {"whole_f": float(c_f[0]), "lost_f_m": float((c_f[0] - c_f[-1]) / (0.9 * farthest_m)), "slack_m": 0.1 * farthest_m}
+    # One sd for all stops: that of a single one is itself too uncertain to weigh by.
+    each_f = float(np.sqrt(np.mean(sd_f**2)))
+    fit = least_squares_fit(model, c_f, each_f, start, bounds={"slack_m": (0.0, 0.8 * farthest_m)})
+    return OverlapFit(fit.value("whole_f"), fit.value("lost_f_m"), fit.sd("lost_f_m"), fit.value("slack_m"), fit.reduced_chi2)

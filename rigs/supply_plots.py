@@ -1,0 +1,112 @@
+"""The supply rig's curves: a charge with its closed form, power against frequency, capacitance against travel."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from haptics.physics.brake_drive import DRIVE, Charging, eq44_power_w
+from haptics.physics.brake_parameters import BRAKE, capacitance_f, overlap_sensitivity_f_per_m
+from rigs.fitting import Vector
+from rigs.result import Plot, Series, series
+from rigs.supply_curves import crossing_s
+
+if TYPE_CHECKING:
+    from rigs.supply_faults import SupplyRun
+    from rigs.supply_fit import SupplyFit
+
+_PUBLISHED_CHARGE_S, _PUBLISHED_V = 50e-3, 1500.0
+_PUBLISHED_POWER_W, _PUBLISHED_HZ = 0.057, 20.0
+
+
+def supply_plots(fit: SupplyFit, record: SupplyRun, name: str) -> tuple[Plot, ...]:
+    """All of them; travel only where a stage made some."""
+    plots = [charge_plot(fit, name), power_plot(fit, name)]
+    if fit.overlap is not None:
+        plots.append(overlap_plot(fit, record, name))
+    return tuple(plots)
+
+
+def charge_plot(fit: SupplyFit, name: str) -> Plot:
+    """The first charge, with the current-limited ramp that the fitted values make, and what the thesis prints."""
+    trace, settled_v = fit.charges[0], fit.settled_v[0]
+    start_s = crossing_s(trace, len(trace.time_s), 0.0, (0.02 * settled_v, 0.3 * settled_v))
+    since_s = trace.time_s - start_s
+    shown = (since_s > -1e-3) & (since_s < _PUBLISHED_CHARGE_S)
+    seconds, volts = since_s[shown], trace.height[shown]
+    model_v = charging_volts(fit, seconds)
+    ideal_s = capacitance_f(BRAKE.overlap_m2, BRAKE.thickness_m, BRAKE.permittivity) * _PUBLISHED_V / DRIVE.supply_current_a
+    return Plot(
+        name=f"{name}-charge",
+        title=f"From 0 to {fit.asked_v:.0f} V",
+        x_label="time (ms)",
+        y_label="volts on the output (V)",
+        series=(
+            series("measured", "measured", 1e3 * seconds, volts),
+            series("fit: ramp of the limiting current", "fit", 1e3 * seconds, model_v),
+            series("computed: C V / I of 4.7.1", "published", [0.0, 1e3 * ideal_s], [0.0, _PUBLISHED_V]),
+            series("printed: charged in 50 ms (4.7.1)", "published", [1e3 * _PUBLISHED_CHARGE_S], [_PUBLISHED_V]),
+        ),
+        residuals=(series("measured less fit", "measured", 1e3 * seconds, volts - model_v),),
+        residual_label="residual (V)",
+    )
+
+
+def charging_volts(fit: SupplyFit, seconds: Vector) -> Vector:
+    """Volts (n,) at times after charging began, in closed form with the fitted values; 0 before."""
+    losses = fit.losses
+    drive = DRIVE.with_values(
+        supply_current_a=fit.limit_a[0],
+        output_resistance_ohm=max(losses.output_ohm, 1.0),
+        bleeder_ohm=min(1.0 / max(losses.bleeder_s, 1e-15), 1e15),
+    )
+    charging = Charging(fit.settled_v[0], fit.capacitance_f[0], losses.probe_s, drive)
+    return np.array([charging.charge(0.0, max(0.0, float(one))).u_v for one in seconds])
+
+
+def power_plot(fit: SupplyFit, name: str) -> Plot:
+    """Power against frequency at the two higher volts, beside Eq 4.4 and what two charges a period take."""
+    drawn: list[Series] = []
+    tall = sorted({point.phase.volts for point in fit.powers if point.phase.volts >= 0.6 * fit.asked_v}, reverse=True)
+    c_f = fit.capacitance_f[0]
+    for volts in tall:
+        points = [point for point in fit.powers if point.phase.volts == volts]
+        hertz = np.array([point.phase.frequency_hz for point in points])
+        at_v = volts * fit.settled_v[0] / fit.asked_v
+        eq44_w = np.array([eq44_power_w(at_v, one, c_f) for one in hertz])
+        power_mw = np.array([1e3 * point.power_w for point in points])
+        sd_mw = np.array([1e3 * point.sd_w for point in points])
+        drawn += [
+            series(f"{volts:.0f} V: mean of v i", "measured", hertz, power_mw, 2.0 * sd_mw),
+            series(f"{volts:.0f} V: its charge at the set volts", "measured", hertz, [1e3 * point.steady_w for point in points]),
+            series(f"{volts:.0f} V: C V² f / 2 (Eq 4.4)", "published", hertz, 1e3 * eq44_w),
+            series(f"{volts:.0f} V: C V² f, clamped and sagging", "fit", hertz, 2e3 * eq44_w),
+            series(f"{volts:.0f} V: 2 C V² f, clamped and steady", "fit", hertz, 4e3 * eq44_w),
+        ]
+    drawn.append(series("printed: 57 mW at 1500 V and 20 Hz (4.7.1)", "published", [_PUBLISHED_HZ], [1e3 * _PUBLISHED_POWER_W]))
+    return Plot(f"{name}-power", "Power at the supply's output", "frequency (Hz)", "power (mW)", tuple(drawn))
+
+
+def overlap_plot(fit: SupplyFit, record: SupplyRun, name: str) -> Plot:
+    """Capacitance against travel: ramps, the board's own telemetry, and the derived slope."""
+    assert fit.overlap is not None
+    travel_m, c_f, sd_f = (np.array(column) for column in zip(*fit.travelled, strict=True))
+    stops = [phase for phase in fit.phases if phase.kind == "travel"]
+    told_pf = [float(np.median([message.capacitance[record.channel] for message in record.said(phase)])) for phase in stops]
+    line_f = fit.overlap.at(travel_m)
+    derived_f = fit.overlap.whole_f - overlap_sensitivity_f_per_m() * np.maximum(0.0, travel_m - fit.overlap.slack_m)
+    return Plot(
+        name=f"{name}-overlap",
+        title="Capacitance while the strips are pulled apart",
+        x_label="travel of the stage (mm)",
+        y_label="capacitance (pF)",
+        series=(
+            series("measured by ramps, stray included", "measured", 1e3 * travel_m, 1e12 * c_f, 2e12 * sd_f),
+            series("told by the board, stray taken off", "measured", 1e3 * travel_m, told_pf),
+            series("fit", "fit", 1e3 * travel_m, 1e12 * line_f),
+            series("derived: 23.2 pF/mm", "published", 1e3 * travel_m, 1e12 * derived_f),
+        ),
+        residuals=(series("measured less fit", "measured", 1e3 * travel_m, 1e12 * (c_f - line_f)),),
+        residual_label="residual (pF)",
+    )

@@ -1,0 +1,113 @@
+"""Every rig against every published number that a device here can meet: one table, and what cannot be met, with why.
+
+Three kinds of rows. A *rig* measured it, on simulated or real devices. A *model* computes it from stated numbers, without any
+measurement. Nothing answers it, and the row says why. Rows whose number was used to set up the shipped plants are marked
+``calibration``: they show that the plants are what they should be, and prove nothing.
+"""
+
+from __future__ import annotations
+
+import shutil
+from collections import Counter
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor, ProcessPoolExecutor
+from dataclasses import asdict, dataclass, replace
+from multiprocessing import get_context
+from typing import Any
+
+from rigs.bench import BenchOptions
+from rigs.catalogue import RIGS, rig
+from rigs.characterize import Characterisation, gathered, run_one
+from rigs.comparison import Row, compare, compared, not_met
+from rigs.judge import Judgement, judge
+from rigs.model_numbers import model_numbers
+from rigs.reference import published
+from rigs.result import RigResult
+from rigs.unanswered import UNANSWERED
+
+
+@dataclass(frozen=True)
+class Validation:
+    """All rows, what each rig found, and what the circuit simulator says of the electrical and thermal models.
+
+    ``judgements`` None: there is no ngspice on this machine.
+    """
+
+    rows: tuple[Row, ...]
+    characterisations: tuple[Characterisation, ...]
+    judgements: tuple[Judgement, ...] | None
+
+    @property
+    def sound(self) -> bool:
+        """No validation row fails without a stated contradiction, no rig saw a fault, and the judge agrees everywhere."""
+        return (
+            not any(row.fails for row in self.rows)
+            and all(done.sound for done in self.characterisations)
+            and all(one.agrees for one in self.judgements or ())
+        )
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Rows by role and verdict."""
+        found = Counter(f"{row.role}: {row.verdict}" for row in self.rows)
+        return dict(sorted(found.items()))
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data."""
+        return {
+            "rows": [row.to_json() for row in self.rows],
+            "counts": self.counts,
+            "sound": self.sound,
+            "rigs": [done.to_json() for done in self.characterisations],
+            "judge": None if self.judgements is None else [asdict(one) for one in self.judgements],
+        }
+
+
+def validate(
+    options: BenchOptions,
+    devices: int = 2,
+    rigs: Sequence[str] = tuple(RIGS),
+    *,
+    executor: Executor | None = None,
+    progress: Callable[[str], None] = lambda what: None,
+) -> Validation:
+    """Run rigs on ``devices`` simulated devices each, seeds from ``options.seed`` on, and compare.
+
+    :param rigs: names of the rigs to run; rows of the others say that they were not.
+    :raises InputError: no such rig, or a port that is not simulated.
+    :raises HapticsError: a bench failed.
+    """
+    chosen = [rig(name) for name in rigs]
+    jobs = [(one.NAME, replace(options, seed=options.seed + k, record=None)) for one in chosen for k in range(devices)]
+    results = _run(jobs, executor, progress)
+    done = tuple(gathered(one.NAME, options, tuple(results[k * devices : (k + 1) * devices])) for k, one in enumerate(chosen))
+    progress("ngspice")
+    judgements = None if shutil.which("ngspice") is None else tuple(judge(quick=True, progress=progress))
+    return Validation(tuple(_rows(done, rigs)), done, judgements)
+
+
+def _run(jobs: Sequence[tuple[str, BenchOptions]], executor: Executor | None, progress: Callable[[str], None]) -> list[RigResult]:
+    pool = executor or ProcessPoolExecutor(mp_context=get_context("spawn"))
+    try:
+        futures = [pool.submit(run_one, name, job) for name, job in jobs]
+        results = []
+        for (name, _), future in zip(jobs, futures, strict=True):
+            progress(f"validate: {name}, {len(results) + 1} of {len(jobs)}")
+            results.append(future.result())
+        return results
+    finally:
+        if executor is None:
+            pool.shutdown(cancel_futures=True)
+
+
+def _rows(done: Sequence[Characterisation], rigs: Sequence[str]) -> list[Row]:
+    rows = [row for one in done for row in compare(rig(one.rig).PUBLISHED, one.quantities)]
+    answered = {number for name in RIGS for number in rig(name).PUBLISHED.values()}
+    for name in RIGS:
+        if name not in rigs:
+            rows += [not_met(key, published(number), f"rig {name} was not run") for key, number in rig(name).PUBLISHED.items()]
+    for number, (quantity, why) in model_numbers().items():
+        rows.append(compared(number, published(number), quantity, why))
+        answered.add(number)
+    rows += [not_met(number, published(number), why) for number, why in UNANSWERED.items()]
+    return rows

@@ -1,0 +1,74 @@
+"""A validation as one page and one JSON file."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+from haptics.errors import InputError
+from haptics.recording.output import refuse_existing, replacing
+from rigs.characterize import finite, made_with, published_table, summary_blocks
+from rigs.judge import Judgement
+from rigs.reference import contradictions
+from rigs.report import Block, Page, render_page
+from rigs.report.page import Table
+from rigs.validation import Validation
+
+_FILES = ("validation.html", "validation.json")
+
+
+def refuse_taken(out: Path, force: bool) -> None:
+    """Make the folder, and refuse to write over what is there.
+
+    :raises InputError: a file exists and ``force`` is not given, or no folder can be made.
+    """
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{out}: no folder can be made there ({error.strerror or error})") from error
+    for name in _FILES:
+        refuse_existing(out / name, force)
+
+
+def write_validation(found: Validation, out: Path, force: bool) -> list[Path]:
+    """``validation.html`` and ``validation.json`` in a folder.
+
+    :raises InputError: as ``refuse_taken``.
+    """
+    refuse_taken(out, force)
+    page, data = (out / name for name in _FILES)
+    with replacing(page, force) as partial:
+        partial.write_text(render_page(validation_page(found)), encoding="utf-8")
+    with replacing(data, force) as partial:
+        partial.write_text(json.dumps(finite(found.to_json()), indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    return [page, data]
+
+
+def validation_page(found: Validation) -> Page:
+    """The table, the curves of each rig, the judge, and where the source disagrees with itself."""
+    counts = Table("rows by role and verdict", ("role and verdict", "rows"), list(found.counts.items()))
+    warnings = [f"{row.quantity}: {row.why}" for row in found.rows if row.fails]
+    blocks = [Block("Published against ours", (), warnings, [counts, published_table(found.rows)])]
+    for done in found.characterisations:
+        first, curves = summary_blocks(done)
+        blocks.append(Block(f"Rig: {done.rig}", first.text, first.warnings, first.tables, curves.plots))
+    if found.judgements is None:
+        blocks.append(Block("ngspice", ["There is no ngspice on this machine: models were not compared with circuits."]))
+    else:
+        blocks.append(Block("ngspice", tables=[judge_table(found.judgements)]))
+    head = ("where", "what follows", "used here")
+    rows = [(", ".join(p.section for p in one.written), one.follows, one.used_here) for one in contradictions()]
+    blocks.append(Block("Where the source disagrees with itself", tables=[Table("contradictions", head, rows)]))
+    verdict = "Every validation row agrees, or the source contradicts itself there." if found.sound else "Not everything agrees."
+    return Page("Validation", verdict, blocks, made_with())
+
+
+def judge_table(judgements: Sequence[Judgement]) -> Table:
+    """What ngspice says, as a table."""
+    head = ("circuit", "quantity", "rms error", "worst error", "allowed", "unit", "verdict")
+    rows = [
+        (one.case, one.quantity, one.error_rms, one.error_worst, one.allowed, one.unit, "agrees" if one.agrees else "differs")
+        for one in judgements
+    ]
+    return Table("models against ngspice", head, rows)
