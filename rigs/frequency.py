@@ -15,8 +15,9 @@ Safe-off: the board is disarmed, and pins withdrawn, on every exit.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -25,13 +26,16 @@ from haptics.physics.latch import PULSE_BACK_S, PULSE_TOWARD_S, TRAIN_BACK_S, TR
 from haptics.time import seconds_to_ns
 from rigs.bench import Bench, BenchOptions
 from rigs.frequency_plots import rate_plots
-from rigs.frequency_trains import GAP_S, LEAD_S, Delivered, Played, Train, felt, play, whole_up_to
-from rigs.frequency_use import burst_use, scheduled
+from rigs.fitting import quadrature
+from rigs.frequency_trains import GAP_S, Delivered, Train, felt, play, whole_up_to
+from rigs.frequency_use import burst_use, felt_scheduled, scheduled
 from rigs.instruments import Accelerometer
 from rigs.instruments.accelerometer import DELAY_SD_S
 from rigs.landings import (
+    LINK_SD_S,
     LOOSE_G,
     MEASUREMENTS as SET_UP,
+    SAMPLE_S,
     currents,
     fault_of_silence,
     faults_of_set_up,
@@ -45,13 +49,17 @@ from rigs.thermal_fit import PulseRecord
 NAME = "frequency"
 BOARD = "tactiles"
 INSTRUMENTS = (Accelerometer,)
-PUBLISHED = {"highest_rate_hz": "train_rate", "burst_length_s": "burst_length", "least_burst_interval_s": "burst_interval"}
+PUBLISHED = {"highest_rate_hz": "train_rate", "burst_length_s": "burst_length"}
 """Quantity here, number of the reference it answers."""
 RATES_HZ = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 150.0, 200.0)
 BURST_S = 50e-3
 _FEWEST_CYCLES = 5
-_CONTACT = Train("contact", 1.0, 10e-3, 10e-3, 0.5, 10, 1)
+_CONTACT = Train("contact", 1.0, 10e-3, 10e-3, 0.5, 6, 2)
+_CONTACT_PHASES_S = (3.9e-3, 8.3e-3)
+"""Telemetry meets the pulses of one burst while the pin flies, those of the other after it has landed."""
 _PULSE = Train("pulse", 5.0, PULSE_TOWARD_S, PULSE_BACK_S, PULSE_TOWARD_S + GAP_S, 5, 1)
+_PHASES_S = (0.40e-3, 1.28e-3, 2.66e-3, 4.04e-3)
+"""Within pulses of a train both ways, and at four parts of the accelerometer's period."""
 _LANDS_S = 0.5e-3
 """After the return begins, before which no landing is looked for."""
 
@@ -67,16 +75,19 @@ MEASUREMENTS = {
 
 @dataclass(frozen=True)
 class FrequencyRun:
-    """What was recorded: trains as they were felt, contact mode's set-up, and what the host's scheduler made of a burst."""
+    """What was recorded: trains as they were felt, the set-up, and what the host's scheduler made of a burst."""
 
     contact: Delivered
-    pulse: Delivered
-    trains: tuple[Delivered, ...]
+    """Returns of contact mode."""
+    out: Delivered
+    """Its ways out, which land on the skin side."""
+    others: tuple[Delivered, ...]
+    """Pulse mode, then the trains, slowest first."""
     measured: Mapping[str, Measured]
     dip: float | None
     greatest_g: float
-    current_a: Mapping[str, tuple[float, ...]]
-    supply_v: float
+    seen: tuple[tuple[int, float, float], ...]
+    """Time (ns), current (A), volts of telemetry that saw the coil on."""
     scheduler: Mapping[str, Any]
 
 
@@ -96,22 +107,101 @@ def run(options: BenchOptions) -> RigResult:
         options.progress("frequency: at rest")
         bench.wait(0.5)
         bench.arm()
-        played: list[Played] = []
-        options.progress("frequency: contact mode")
-        played.append(play(bench, _CONTACT, (3.45e-3, 4.35e-3)))
-        contact_pulses = len(bench.pulsed_ns)
-        played.append(play(bench, _CONTACT, (7.2e-3, 9.5e-3)))
-        contact_pulses = len(bench.pulsed_ns)
-        options.progress("frequency: pulse mode")
-        played.append(play(bench, _PULSE, (0.0, 1e-3)))
+        options.progress("frequency: contact mode and pulse mode")
+        contact = play(bench, _CONTACT, _CONTACT_PHASES_S)
+        pulsed_ns = list(bench.pulsed_ns)
+        others = [play(bench, _PULSE, _PHASES_S)]
         for rate_hz in RATES_HZ:
             options.progress(f"frequency: {rate_hz:g} Hz")
-            played.append(play(bench, train_at(rate_hz), (0.2e-3, 1.8e-3)))
-        every_one_refused = all(one.refused == one.asked for one in played)
-        if bench.glove.faults or every_one_refused:
-            return RigResult(NAME, faults=bench.faults())
+            others.append(play(bench, train_at(rate_hz), _PHASES_S))
         options.progress("frequency: the host's scheduler")
-        scheduler = scheduled(bench)
+        said = scheduled(bench)
         bench.disarm()
+        if bench.glove.faults or all(one.refused == one.asked for one in (contact, *others)):
+            return RigResult(NAME, faults=bench.faults())
         samples, accelerometer = bench.samples("accelerometer"), bench.instruments["accelerometer"]
-    return RigResult(NAME)
+        assert isinstance(accelerometer, Accelerometer)
+        seen = currents(bench)
+        pulses = PulseRecord.of(pulsed_ns, _CONTACT.toward_s, seen)
+        contact_traces = traces(samples, [at_ns + seconds_to_ns(_CONTACT.back_at_s) for at_ns in contact.starts_ns], 25e-3)
+        record = FrequencyRun(
+            felt(samples, contact, _CONTACT.back_at_s + _LANDS_S),
+            felt(samples, replace(contact, train=replace(_CONTACT, back_at_s=0.0)), _LANDS_S),
+            tuple(felt(samples, one, one.train.back_at_s + _LANDS_S) for one in others),
+            set_up(accelerometer, contact_traces[0].noise_g, pulses),
+            pulses.landing_dip if tells_motion(options) else None,
+            float(np.median([np.abs(trace.g).max() for trace in contact_traces])),
+            tuple(seen),
+            felt_scheduled(samples, said),
+        )
+    return evaluate(record)
+
+
+def evaluate(record: FrequencyRun) -> RigResult:
+    """Faults, or what was delivered, from what was recorded."""
+    values = dict(record.measured)
+    faults = faults_of_set_up(values)
+    values["greatest_g"] = Measured(MEASUREMENTS["greatest_g"], record.greatest_g)
+    contact_share = record.contact.landings / len(record.contact.late_s)
+    values["contact_landings"] = Measured(MEASUREMENTS["contact_landings"], contact_share)
+    if not faults and record.greatest_g < LOOSE_G:
+        faults = [fault_of_silence(record.greatest_g, record.dip)]
+    if not faults and not values["contact_landings"].within:
+        faults = [_misses(f"{100 * (1.0 - contact_share):.0f} % of the returns of 10 ms")]
+    trains = record.others[1:]
+    best = whole_up_to(trains)
+    if not faults and best is None:
+        slowest = trains[0]
+        faults = [
+            _misses(f"{len(slowest.late_s) - slowest.landings} of {len(slowest.late_s)} cycles at {slowest.played.train.name}")
+        ]
+    if faults or best is None:
+        return RigResult(NAME, faults=tuple(faults), measured=tuple(values.values()))
+    quantities = _quantities(record, best)
+    for name in ("highest_rate_hz", "rate_error", "burst_energy_j"):
+        if name in quantities:
+            values[name] = Measured(MEASUREMENTS[name], quantities[name].value)
+    return RigResult(
+        NAME,
+        quantities=quantities,
+        measured=tuple(values.values()),
+        plots=rate_plots(trains, NAME),
+        notes=(
+            f"At {best.played.train.rate_hz:g} Hz a cycle is {1e3 * best.played.train.toward_s:g} ms toward the skin and "
+            f"{1e3 * best.played.train.back_s:g} ms back: a board refuses pulses that meet.",
+            "The rise of one burst each 5 s takes the published c; the thermal rig measures an actuator's own.",
+        ),
+        details={
+            "rows": [one.row() for one in (record.contact, *record.others)],
+            "scheduler": dict(record.scheduler),
+        },
+    )
+
+
+def _quantities(record: FrequencyRun, best: Delivered) -> dict[str, Quantity]:
+    """What the rig is for."""
+    train, rate, jitter, spacing = best.played.train, best.rate_hz, best.jitter_s, best.spacing_s
+    assert rate is not None and jitter is not None and spacing is not None  # a train that came whole has landings enough
+    found = {
+        "highest_rate_hz": Quantity(train.rate_hz, 0.0, "Hz"),
+        "rate_hz": rate,
+        "rate_error": Quantity(rate.value / train.rate_hz - 1.0, rate.sd / train.rate_hz, "1"),
+        "jitter_s": jitter,
+        "burst_length_s": Quantity(train.cycles * spacing.value, train.cycles * spacing.sd, "s"),
+        "travel_back_s": _travel(record.contact),
+    }
+    if record.out.landings >= _FEWEST_CYCLES:
+        found["travel_out_s"] = _travel(record.out)
+    return found | burst_use(best.played, list(record.seen))
+
+
+def _travel(one: Delivered) -> Quantity:
+    """From command to landing."""
+    late_s = one.late_s[np.isfinite(one.late_s)]
+    step_s = SAMPLE_S / math.sqrt(12.0)
+    sd_s = max(float(late_s.std(ddof=1)), step_s) / math.sqrt(len(late_s))
+    return Quantity(one.travel_s, quadrature((sd_s, DELAY_SD_S, LINK_SD_S)), "s")
+
+
+def _misses(what: str) -> Fault:
+    return Fault("actuator_misses", f"{what} are not felt; is the pin free, and the supply at 5 V?")

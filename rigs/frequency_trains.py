@@ -15,9 +15,9 @@ import numpy as np
 
 from haptics.time import seconds_to_ns
 from rigs.bench import Bench
-from rigs.fitting import Vector
+from rigs.fitting import Vector, quadrature
 from rigs.instruments import Samples
-from rigs.landings import LOUD_SDS, Trace, meeting_telemetry, traces
+from rigs.landings import LOUD_SDS, RATE_SD, Trace, meeting_telemetry, traces
 from rigs.result import Quantity
 
 GAP_S = 50e-6
@@ -29,7 +29,6 @@ RINGS_ON = 1.5
 """A landing is louder than this times what the last samples, half a ring, were."""
 _HALF_RING = 5
 _WHOLE_AT_ONCE_S = 0.5
-_GOLDEN = 0.6180339887498949
 
 
 @dataclass(frozen=True)
@@ -125,15 +124,14 @@ class Delivered:
         }
 
 
-def play(bench: Bench, train: Train, phases_s: tuple[float, float]) -> Played:
+def play(bench: Bench, train: Train, phases_s: Sequence[float]) -> Played:
     """Play all bursts of a train, with rests between.
 
-    :param phases_s: telemetry is to come so long after a burst's beginning, spread evenly between the two.
+    :param phases_s: telemetry is to come so long after a burst's beginning, one for each burst.
     """
     before, count = len(bench.refusals()), _counter(bench)
     starts_ns: list[int] = []
-    for burst in range(train.bursts):
-        phase_s = phases_s[0] + (phases_s[1] - phases_s[0]) * ((burst * _GOLDEN) % 1.0)
+    for phase_s in phases_s[: train.bursts]:
         start_ns = meeting_telemetry(bench, bench.now_ns + seconds_to_ns(2.0 * LEAD_S), phase_s)
         starts_ns.append(start_ns)
         for k in range(train.cycles):
@@ -192,9 +190,10 @@ def _with_rate(found: Delivered, period_s: float) -> Delivered:
     jitter_s2, jitter_s2_sd = max(scatter_s2 - steps_s2, 0.0), max(scatter_s2, steps_s2) * math.sqrt(2.0 / freedom)
     jitter_s = math.sqrt(jitter_s2)
     jitter_sd_s = jitter_s2_sd / (2.0 * jitter_s) if jitter_s2 > jitter_s2_sd else math.sqrt(jitter_s2_sd)
+    spacing_s = 1.0 / found.played.train.rate_hz + float(slope)
     return replace(
         found,
-        spacing_s=Quantity(1.0 / found.played.train.rate_hz + float(slope), slope_sd_s, "s"),
+        spacing_s=Quantity(spacing_s, quadrature((slope_sd_s, spacing_s * RATE_SD)), "s"),
         jitter_s=Quantity(jitter_s, jitter_sd_s, "s"),
     )
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from haptics.physics.recoil import SAMPLE_RATE_HZ
 from haptics.time import seconds_to_ns
 from rigs.bench import Bench, BenchOptions
 from rigs.fitting import Vector
@@ -27,6 +28,11 @@ ON_A = 0.3
 """Telemetry above this current saw a pulse: a tenth of what a coil draws, and far more than a board draws without."""
 LOOSE_G = 0.5
 """Greatest acceleration that passes for no landing at all: a twentieth of the published recoil."""
+RATE_SD = 1e-4
+"""Of the host's clock, which sampling and trains are measured by, as a share (assumed: any crystal)."""
+LINK_SD_S = 20e-6
+"""Of a command's time on the board's clock (assumed: the link's estimate of that clock, over USB)."""
+SAMPLE_S = 1.0 / SAMPLE_RATE_HZ
 _LEAST_DIP, _MOST_DIP = 0.0015, 0.05
 
 MEASUREMENTS = {

@@ -27,7 +27,7 @@ import numpy as np
 from haptics.errors import InputError
 from rigs.fitting import Fit, Vector, least_squares_fit, quadrature
 from rigs.instruments.accelerometer import BANDWIDTH_SD, DELAY_SD_S, GAIN_SD
-from rigs.landings import Trace
+from rigs.landings import LINK_SD_S, RATE_SD, Trace
 from rigs.result import Quantity
 
 IMPURITY = 0.15
@@ -37,9 +37,6 @@ METHOD_SD = 0.01
 FLIGHT_S = (1e-3, 25e-3)
 """A landing is looked for so long after the command."""
 FEWEST = 5
-RATE_SD = 1e-4
-"""Of the host's clock, which the sampling is measured by, as a share (assumed: any crystal)."""
-_LINK_SD_S = 20e-6
 _WINDOW_S = 60e-3
 _SKIP = 2
 """Samples left out after the first loud one: the low-pass takes them to follow."""
@@ -124,7 +121,7 @@ def fit_surface(surface: str, traces: Sequence[Trace], bandwidth_hz: float) -> S
     return SurfaceFit(
         surface,
         rings,
-        Quantity(float(middle_s.mean()), quadrature((landed_sd_s, DELAY_SD_S, _LINK_SD_S)), "s"),
+        Quantity(float(middle_s.mean()), quadrature((landed_sd_s, DELAY_SD_S, LINK_SD_S)), "s"),
         thesis_method([trace for _, trace, _ in found]),
         # What rings beside the fitted frequency is seen in part: IMPURITY of the amplitude is half its square of the whole.
         quadrature((GAIN_SD, low_pass_sd, landed_sd_s / tau_s, 0.5 * IMPURITY**2)),

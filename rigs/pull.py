@@ -19,10 +19,11 @@ from haptics.time import seconds_to_ns
 from rigs.bench import Bench, BenchOptions
 from rigs.fitting import noise_sd
 from rigs.instruments import LoadCell, Stage
-from rigs.pull_faults import bench_faults, fit_faults
+from rigs.pull_faults import fit_faults
 from rigs.pull_fit import OnePull, PullRecord, fit_pulls
 from rigs.pull_plots import pull_plots
 from rigs.result import Measured, Measurement, RigResult
+from rigs.tester import FRAME, bench_faults, spare_the_cell
 
 NAME = "pull"
 BOARD = "brake"
@@ -40,8 +41,6 @@ ENGAGED_S = 0.3
 REVERSED_S = 0.12
 """After its first reversal the capacity has recovered from the dip (a few contact lags)."""
 LET_GO_S = 0.2
-FRAME = {"load_stiffness_n_m": 1e5, "load_damping_n_s_m": 50.0, "damping_n_s_m": 0.0}
-"""What pulls a simulated brake: the stiff frame of ``haptics.physics.brake_pull.TESTER``, in place of a finger."""
 
 MEASUREMENTS = {
     "noise_n": Measurement("noise_n", "N", 0.0, 0.02, "noise of the load cell at rest"),
@@ -59,7 +58,7 @@ def run(options: BenchOptions) -> RigResult:
     """
     with Bench(BOARD, INSTRUMENTS, options, rig=NAME, simulate=FRAME, plot=("loadcell", "force_n")) as bench:
         bench.arm()
-        bench.watch = lambda: _spare_the_cell(bench)
+        bench.watch = lambda: spare_the_cell(bench)
         pulls: list[OnePull] = []
         bench.wait(LONG_REST_S)
         for volts in VOLTS:
@@ -126,11 +125,3 @@ def _pull(bench: Bench, volts: float, slow: bool) -> OnePull:
     bench.move(-WAY_M, BACK_M_S)
     bench.settle()
     return OnePull(volts, slow, speed_m_s, rest_ns, moved_ns, until_ns)
-
-
-def _spare_the_cell(bench: Bench) -> None:
-    """Stop the stage when the load cell is beyond what it is made for; the pulls end as soon as that is looked at."""
-    cell = bench.instruments["loadcell"]
-    latest = cell.latest()
-    if latest is not None and abs(latest[0]) > cell.number("full_scale_n", 1e-3, 1e6, "N") and not bench.stage.idle:
-        bench.stage.stop()

@@ -142,6 +142,8 @@ class PullFit:
     law: Fit
     off_n: float
     off_sd_n: float
+    zero_sd_n: float
+    """Of the zero of one fast pull."""
 
     @property
     def k_n_v2(self) -> float:
@@ -162,6 +164,11 @@ class PullFit:
         k, threshold_kv, kilovolts = self.law.value("k_n_kv2"), self.law.value("threshold_kv"), 1e-3 * volts
         of_fit = self.law.sd_of({"k_n_kv2": kilovolts**2 - threshold_kv**2, "threshold_kv": -2.0 * k * threshold_kv})
         return quadrature((of_fit, self.off_sd_n, GAIN_SD * self.capacity_n(volts)))
+
+    @property
+    def threshold_sd_v(self) -> float:
+        """Of the fit, and of zeros a little off, which the weakest pull takes for force."""
+        return quadrature((1e3 * self.law.sd("threshold_kv"), self.zero_sd_n / (2.0 * self.k_n_v2 * self.threshold_v)))
 
     @property
     def misfit_share(self) -> float:
@@ -190,7 +197,7 @@ class PullFit:
         k, slope = self.k_n_v2, 1e3 * law.value("slope_per_mm")
         return {
             "k_n_v2": Quantity(k, quadrature((1e-6 * law.sd("k_n_kv2"), GAIN_SD * k)), "N/V^2"),
-            "threshold_v": Quantity(self.threshold_v, 1e3 * law.sd("threshold_kv"), "V"),
+            "threshold_v": Quantity(self.threshold_v, self.threshold_sd_v, "V"),
             "capacity_1500_n": Quantity(self.capacity_n(TOP_V), self.capacity_sd_n(TOP_V), "N"),
             "plateau_1500_n": Quantity(top.force_n, quadrature((top.sd_n, GAIN_SD * top.force_n)), "N"),
             "off_force_n": Quantity(self.off_n, quadrature((self.off_sd_n, GAIN_SD * self.off_n)), "N"),
@@ -239,7 +246,9 @@ def fit_pulls(record: PullRecord, noise_n: float) -> PullFit:
     plateaus = tuple(plateau(record, one, rise) for one in slow)
     sliding = sliding_parts(record, fast, rise)
     off_n, off_sd_n = off_force(record, off, rise, noise_n)
-    return PullFit(rise, plateaus, sliding, fit_law(sliding, off_n, noise_n), off_n, off_sd_n)
+    rest = min(len(record.raw(one.rest_ns, one.moved_ns)[1]) for one in fast)
+    zero_sd_n = quadrature((noise_n / (2 * rest) ** 0.5, off_sd_n))
+    return PullFit(rise, plateaus, sliding, fit_law(sliding, off_n, noise_n), off_n, off_sd_n, zero_sd_n)
 
 
 def fit_rise(record: PullRecord, slow: Sequence[OnePull], noise_n: float) -> Rise:

@@ -27,9 +27,11 @@ from haptics.time import seconds_to_ns
 from rigs.bench import Bench, BenchOptions
 from rigs.instruments import Probe, Stage
 from rigs.result import Fault, Measured, Measurement, RigResult
-from rigs.supply_faults import SupplyRun, board_faults, probe_faults
+from rigs.supply_faults import NOISIEST_A, NOISIEST_V, SupplyRun, board_faults, probe_faults
 from rigs.supply_fit import Phase, SupplyFit
+from rigs.supply_overlap import OverlapFit
 from rigs.supply_plots import supply_plots
+from rigs.supply_quantities import supply_quantities
 
 NAME = "supply"
 BOARD = "brake"
@@ -48,13 +50,15 @@ CHARGES = 8
 HELD_S = 60e-3
 _CHARGE_HZ = 1.0  # its first quarter period outlasts a charge
 WAVES = (
-    *((1500.0, hertz) for hertz in (5.0, 10.0, 20.0, 50.0)),
-    *((1000.0, hertz) for hertz in (5.0, 10.0, 20.0, 50.0)),
-    *((volts, 20.0) for volts in (250.0, 500.0)),
+    *((1.0, hertz) for hertz in (5.0, 10.0, 20.0, 50.0)),
+    *((2.0 / 3.0, hertz) for hertz in (5.0, 10.0, 20.0, 50.0)),
+    *((share, 20.0) for share in (1.0 / 3.0, 1.0 / 6.0)),
 )
+"""Share of the highest volts, and Hz."""
 STOPS_M = tuple(2e-3 * k for k in range(6))
 _STAGE_M_S = 20e-3
-_TRAVEL_V, _TRAVEL_HZ, _TRAVEL_S = 500.0, 50.0, 0.16
+_TRAVEL_SHARE, _TRAVEL_RAMP_S, _TRAVEL_S = 1.0 / 3.0, 1.5e-3, 0.16
+_TRAVEL_HZ = (50.0, 20.0, 10.0)
 _EMPTY_S = 30e-3
 _LET_GO_S = 0.2  # the force stays for a while after the volts have gone
 _STRAY_F = 0.3e-9  # beside what the board tells, and some to spare
@@ -63,11 +67,13 @@ _LEAD_NS = 2_000_000
 _GOLDEN = 0.6180339887498949
 
 MEASUREMENTS = {
-    "noise_v": Measurement("noise_v", "V", 0.0, 5.0, "noise of the probe's volts at rest"),
-    "noise_a": Measurement("noise_a", "A", 0.0, 3e-6, "noise of the shunt at rest"),
+    "noise_v": Measurement("noise_v", "V", 0.0, NOISIEST_V, "noise of the probe's volts at rest"),
+    "noise_a": Measurement("noise_a", "A", 0.0, NOISIEST_A, "noise of the shunt at rest"),
     "reduced_chi2": Measurement("reduced_chi2", "1", 0.0, 2.0, "volts are a line over charge: a capacitor"),
     "volts_reached": Measurement("volts_reached", "1", 0.95, 1.05, "volts reached over volts asked for; the guard trips at 1.05"),
     "discharged_s": Measurement("discharged_s", "s", 0.0, 5e-3, "from full volts to below 60 V; the board's own limit is 5 ms"),
+    "lost_f": Measurement("lost_f", "F", 20e-12, 5e-9, "capacitance that the stage's way took; strips of 1 cm: 210 pF"),
+    "travel_chi2": Measurement("travel_chi2", "1", 0.0, 10.0, "capacitance is a line over travel once the slack is out"),
     "supply_limit_a": Measurement("supply_limit_a", "A", 0.0, 550e-6, "current while the supply limits; the guard's threshold"),
 }
 
@@ -98,6 +104,9 @@ def run(options: BenchOptions) -> RigResult:
         for step in (_charges, _waves, *((_travel,) if Stage in instruments else ())):
             step(bench, phases)
             faults = board_faults(bench.faults()) or probe_faults(_record(bench, (rest_ns, rested_ns), phases))
+            if not faults and Stage in instruments and bench.stage.refusals:
+                said = ", ".join(bench.stage.refusals)
+                faults = (Fault("stage_refuses", f"the stage says {said}; home or unlock it, and look at its limits"),)
             if faults:
                 return RigResult(NAME, faults=faults)
         bench.disarm()
@@ -123,22 +132,18 @@ def evaluate(record: SupplyRun) -> RigResult:
         "supply_limit_a": fit.limit_a[0],
     }
     measured = tuple(Measured(MEASUREMENTS[name], value) for name, value in seen.items())
-    if fit.noise_v > MEASUREMENTS["noise_v"].high or fit.noise_a > MEASUREMENTS["noise_a"].high:
-        seen_noise = f"{fit.noise_v:.2g} V and {1e6 * fit.noise_a:.2g} uA"
-        return RigResult(
-            NAME, faults=(Fault("probe_noisy", f"at rest it scatters by {seen_noise}; check its ground"),), measured=measured
-        )
     if not measured[2].within:
-        seen_chi2 = f"reduced chi squared {measured[2].value:.1f}"
-        return RigResult(
-            NAME,
-            faults=(Fault("probe_loose", f"volts are no line over charge ({seen_chi2}); press tip and leads on"),),
-            measured=measured,
-        )
+        misfit = f"volts are no line over charge (reduced chi squared {measured[2].value:.1f})"
+        return RigResult(NAME, faults=(Fault("probe_loose", f"{misfit}; press tip and leads on"),), measured=measured)
+    if fit.overlap is not None:
+        of_travel = {"lost_f": fit.overlap.lost_f, "travel_chi2": fit.overlap.reduced_chi2}
+        measured += tuple(Measured(MEASUREMENTS[name], value) for name, value in of_travel.items())
+        if not all(one.within for one in measured[-2:]):
+            return RigResult(NAME, faults=(_stage_fault(fit.overlap),), measured=measured)
     told_f = record.said(record.phases[0])[-1].capacitance[record.channel] * 1e-12
     return RigResult(
         NAME,
-        quantities=fit.quantities(),
+        quantities=supply_quantities(fit),
         reduced_chi2=fit.capacitance_f[2],
         measured=measured,
         plots=supply_plots(fit, record, NAME),
@@ -152,30 +157,33 @@ def evaluate(record: SupplyRun) -> RigResult:
 
 
 def _charges(bench: Bench, phases: list[Phase]) -> None:
-    channel, volts = bench.options.channel, _top_v(bench)
+    volts = _top_v(bench)
     for k in range(CHARGES):
         bench.options.progress(f"supply: charge {k + 1} of {CHARGES}")
         _drive(bench, phases, "charge", volts, _CHARGE_HZ, HELD_S)
         # Each charge meets the probe's samples at another phase.
         bench.wait(_EMPTY_S + 1e-4 * ((k * _GOLDEN) % 1.0))
-        if k == 0 and (bench.faults() or bench.samples("probe").column(0).size == 0):
+        if bench.faults():
             return
-    del channel
 
 
 def _waves(bench: Bench, phases: list[Phase]) -> None:
-    for volts, frequency_hz in WAVES:
-        top_v = min(volts, _top_v(bench))
-        if not _can_make(bench, top_v, frequency_hz):
+    for share, frequency_hz in WAVES:
+        volts = round(share * _top_v(bench))
+        if not _can_make(bench, volts, frequency_hz):
             continue
-        bench.options.progress(f"supply: {top_v:.0f} V at {frequency_hz:g} Hz")
-        _drive(bench, phases, "power", top_v, frequency_hz, max(0.35, 3.3 / frequency_hz))
+        bench.options.progress(f"supply: {volts:.0f} V at {frequency_hz:g} Hz")
+        _drive(bench, phases, "power", volts, frequency_hz, max(0.35, 3.3 / frequency_hz))
         bench.wait(_EMPTY_S)
         if bench.faults():
             return
 
 
 def _travel(bench: Bench, phases: list[Phase]) -> None:
+    # Volts high enough for a ramp of some samples, whatever the capacitance.
+    ramp_v = _TRAVEL_RAMP_S * bench.link.identity.limits[1] * 1e-6 / (_told_f(bench) + _STRAY_F)
+    volts = round(min(_top_v(bench), max(_TRAVEL_SHARE * _top_v(bench), ramp_v)))
+    frequency_hz = next((hertz for hertz in _TRAVEL_HZ if _can_make(bench, volts, hertz)), _TRAVEL_HZ[-1])
     at_m = 0.0
     for stop_m in STOPS_M:
         bench.options.progress(f"supply: capacitance {1e3 * stop_m:g} mm apart")
@@ -184,9 +192,9 @@ def _travel(bench: Bench, phases: list[Phase]) -> None:
             bench.move(stop_m - at_m, _STAGE_M_S)
             bench.settle()
             at_m = stop_m
-        if bench.faults():
+        if bench.faults() or bench.stage.refusals:
             return
-        _drive(bench, phases, "travel", min(_TRAVEL_V, _top_v(bench)), _TRAVEL_HZ, _TRAVEL_S, stop_m)
+        _drive(bench, phases, "travel", volts, frequency_hz, _TRAVEL_S, stop_m)
     bench.wait(_LET_GO_S)
     bench.move(-at_m, _STAGE_M_S)
     bench.settle()
@@ -199,7 +207,7 @@ def _drive(
     bench.wait_until(start_ns + seconds_to_ns(lasting_s))
     end_ns = bench.release(bench.options.channel)
     bench.wait(_EMPTY_S)
-    phases.append(Phase(kind, round(volts), frequency_hz, start_ns - _LEAD_NS, end_ns, travel_m))
+    phases.append(Phase(kind, volts, frequency_hz, start_ns - _LEAD_NS, end_ns, travel_m))
 
 
 def _top_v(bench: Bench) -> float:
@@ -224,6 +232,14 @@ def _no_brake(bench: Bench) -> Fault | None:
     return Fault(
         "no_brake",
         f"the board's self test found no brake on output {bench.options.channel}; connect one, or choose another output",
+    )
+
+
+def _stage_fault(fit: OverlapFit) -> Fault:
+    return Fault(
+        "stage_loose",
+        f"the stage's {1e3 * STOPS_M[-1]:g} mm took {1e12 * fit.lost_f:.0f} pF (reduced chi squared of the line "
+        f"{fit.reduced_chi2:.1f}); is its clamp on the finger end of this brake, and free to move?",
     )
 
 

@@ -123,11 +123,11 @@ def ramp_capacitance(trace: Trace, part: slice, losses: Losses, noise_v: float) 
 def crossing_s(trace: Trace, end: int, level_v: float, window_v: tuple[float, float]) -> float:
     """When the first ``end`` samples pass ``level_v``: a parabola through those with volts in ``window_v``.
 
-    :raises InputError: fewer than 4 samples there.
+    :raises InputError: fewer than 3 samples there.
     """
     chosen = np.flatnonzero((trace.height[:end] > window_v[0]) & (trace.height[:end] < window_v[1]))
-    if len(chosen) < 4:
-        raise InputError(f"{len(chosen)} samples between {window_v[0]:.0f} and {window_v[1]:.0f} V; allowed: at least 4")
+    if len(chosen) < 3:
+        raise InputError(f"{len(chosen)} samples between {window_v[0]:.0f} and {window_v[1]:.0f} V; allowed: at least 3")
     scale_v = window_v[1]
     bend = np.polyfit(trace.height[chosen] / scale_v, trace.time_s[chosen], 2)
     return float(np.polyval(bend, level_v / scale_v))

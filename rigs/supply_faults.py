@@ -9,6 +9,7 @@ import numpy as np
 
 from haptics.link.messages import State
 from haptics.time import NS_PER_MS
+from rigs.fitting import noise_sd
 from rigs.instruments import Samples
 from rigs.result import Fault
 from rigs.supply_fit import Phase
@@ -18,10 +19,15 @@ _SAME = (0.9, 1.1)
 _LEAST_CHARGE = 0.5
 _LEAST_ON = 0.6
 """Share of a wave's time with at least a tenth of its volts: the rest is clamp and the foot of the ramp, a fifth at 50 Hz."""
+NOISIEST_V, NOISIEST_A = 5.0, 3e-6
+"""Noise at rest that a sound probe keeps below."""
 _SILENT_NS = 100 * NS_PER_MS
 _LOST = 0.01
 _BOARD = {
-    "short": ("short", "the strips conduct: look for a burnt spot, and clean or replace the dielectric"),
+    "short": (
+        "short",
+        "look for a burnt spot in the dielectric, for a wire that touches another, and whether the supply gives its current",
+    ),
     "leak": ("leak", "current flows where none should: dry and clean the strips and the wiring"),
     "open": ("open", "less capacitance than a brake has: press the strips together, check both wires"),
     "self_test": ("no_brake", "no output has a brake: connect one"),
@@ -30,8 +36,10 @@ _BOARD = {
 
 @dataclass(frozen=True)
 class SupplyRun:
-    """What was recorded. ``rest_ns``: from when to when nothing was on; ``step``: what a count is worth, V and A; ``end_ns``:
-    when the last was asked of the bench; ``saturated``: samples at the end of a range, by column; ``lost``: share that did not come.
+    """What was recorded.
+
+    ``rest_ns``: from when to when nothing was on. ``step``: what a count is worth, V and A. ``end_ns``: when the record ended.
+    ``saturated``: samples at the end of a range, by column. ``lost``: share of the samples that did not come.
     """
 
     channel: int
@@ -56,9 +64,9 @@ def board_faults(faults: tuple[Fault, ...]) -> tuple[Fault, ...]:
     for fault in faults:
         words = [known for word, known in _BOARD.items() if f": {word}" in fault.why]
         named.append(Fault(words[0][0], f"the board says {fault.why}; {words[0][1]}") if words else fault)
-    kinds = {fault.what for fault in named}
-    # A board that latched refuses what comes after; that says nothing new.
-    return tuple(fault for fault in named if fault.what != "board" or kinds == {"board"})
+    known = {fault.what: fault for fault in reversed(named) if fault.what != "board"}
+    # A board that latched says so again and refuses what comes after, which is nothing new.
+    return tuple(known.values()) or tuple(named)
 
 
 def probe_faults(run: SupplyRun) -> tuple[Fault, ...]:
@@ -82,6 +90,10 @@ def probe_faults(run: SupplyRun) -> tuple[Fault, ...]:
                     f"({count:.3g} a count); choose a wider range",
                 ),
             )
+    rest = samples.since(run.rest_ns[0]) < (run.rest_ns[1] - run.rest_ns[0]) / 1e9
+    noise_v, noise_a = (noise_sd(samples.column(k)[rest]) for k in (0, 1))
+    if noise_v > NOISIEST_V or noise_a > NOISIEST_A:
+        return (Fault("probe_noisy", f"at rest it scatters by {noise_v:.2g} V and {1e6 * noise_a:.2g} uA; check its ground"),)
     for phase in run.phases:
         fault = _of_phase(run, phase)
         if fault is not None:
@@ -117,7 +129,7 @@ def _of_phase(run: SupplyRun, phase: Phase) -> Fault | None:
     if share < _LEAST_CHARGE:
         return Fault(
             "shunt_open",
-            f"the shunt sees {max(100 * share, 0):.0f} % of the charge that {phase.volts:.0f} V need; is it in the supply's return, "
-            "and its leads on?",
+            f"the shunt sees {max(100 * share, 0):.0f} % of the charge that {phase.volts:.0f} V need; is it in the supply's "
+            "return, and its leads on?",
         )
     return None

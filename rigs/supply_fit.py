@@ -14,12 +14,9 @@ from functools import cached_property
 import numpy as np
 
 from haptics.errors import InputError
-from haptics.physics.brake_drive import eq44_power_w
 from rigs.fitting import Vector, noise_sd, quadrature
 from rigs.instruments import Samples
 from rigs.instruments.probe import CLOCK_SD, DIVIDER_SD, LOAD_SD, SHUNT_SD
-from rigs.instruments.stage import POSITION_GAIN_SD
-from rigs.result import Quantity
 from rigs.supply_curves import (
     Decay,
     Losses,
@@ -88,7 +85,7 @@ class SupplyFit:
         self, samples: Samples, rest_ns: tuple[int, int], phases: Sequence[Phase], load_ohm: float, step: tuple[float, float]
     ):
         self.phases = tuple(phases)
-        self._samples, self._load_s = samples, 1.0 / load_ohm
+        self._samples, self.load_s = samples, 1.0 / load_ohm
         rest = cut(samples, *rest_ns, (0.0, 0.0))
         self.zero = (float(np.mean(rest.volts)), float(np.mean(rest.amps)))
         noises = (noise_sd(rest.volts), noise_sd(rest.amps))
@@ -179,10 +176,10 @@ class SupplyFit:
     @cached_property
     def losses(self) -> Losses:
         """Bleeder, probe, and the resistance before the output."""
-        bleeder_s = max(self.held_a[0] / self.settled_v[0] - self._load_s, 0.0)
-        rough = Losses(bleeder_s, self._load_s, 0.0)
+        bleeder_s = max(self.held_a[0] / self.settled_v[0] - self.load_s, 0.0)
+        rough = Losses(bleeder_s, self.load_s, 0.0)
         rough_f = self._ramp_capacitance(self.charges[0], self.settled_v[0], rough)[0]
-        return Losses(bleeder_s, self._load_s, self.supply_decay.tau_s / rough_f)
+        return Losses(bleeder_s, self.load_s, self.supply_decay.tau_s / rough_f)
 
     @property
     def output_ohm_sd(self) -> float:
@@ -230,12 +227,12 @@ class SupplyFit:
         between: list[float] = []
         for one in self.charges:
             end = self._held(one).start
-            spans = ((0.0, (0.02, 0.3)), (0.1, (0.02, 0.18)), (0.8, (0.72, 0.88)), (0.9, (0.83, 0.96)))
+            spans = ((0.0, (0.02, 0.3)), (0.1, (0.02, 0.26)), (0.8, (0.68, 0.92)), (0.9, (0.8, 0.97)))
             zero, t10, t80, at90 = (crossing_s(one, end, s * top_v, (low * top_v, high * top_v)) for s, (low, high) in spans)
             t90.append(at90 - zero)
             between.append(t80 - t10)
         # The mean volts are 45 % of the settled ones in both spans; so much of the current goes into the probe.
-        probe = 0.45 * top_v * self._load_s / self.limit_a[0]
+        probe = 0.45 * top_v * self.load_s / self.limit_a[0]
         return {
             name: (value * (1.0 - probe), quadrature((sd, value * CLOCK_SD, value * probe * LOAD_SD)))
             for name, (value, sd) in (("t90", mean_of(t90)), ("ramp", mean_of(between)))
@@ -259,73 +256,9 @@ class SupplyFit:
                 power_w * DIVIDER_SD,
                 power_w * SHUNT_SD,
                 self.output_ohm_sd * mean_square,
-                settled_v**2 * self._load_s * LOAD_SD,
+                settled_v**2 * self.load_s * LOAD_SD,
                 self._floor[0] * charge_c / half_s,
                 self._floor[1] * settled_v,
             )
         )
         return PowerPoint(phase, power_w, sd_w, settled_v * charge_c / half_s)
-
-    # What the rig is for.
-
-    def quantities(self) -> dict[str, Quantity]:
-        """All of them, with gains of the probe in their uncertainties."""
-        settled_v, settled_sd = self.settled_v
-        limit_a, limit_sd = self.limit_a
-        c_f, c_sd, _ = self.capacitance_f
-        held_a, held_sd = self.held_a
-        probe_a = settled_v * self._load_s
-        losses, times = self.losses, self.times_s()
-        t90_s, t90_sd = times["t90"]
-        ramp_s, ramp_sd = times["ramp"]
-        supply_v = settled_v + losses.output_ohm * probe_a
-        gains = quadrature((DIVIDER_SD, SHUNT_SD, CLOCK_SD))
-        limit_share = quadrature((limit_sd / limit_a, SHUNT_SD))
-        cvi_s = c_f * settled_v / limit_a  # both gains cancel: coulombs over amperes of one shunt
-        found = {
-            "capacitance_f": Quantity(c_f, quadrature((c_sd, c_f * gains)), "F"),
-            "supply_current_a": Quantity(limit_a, limit_a * limit_share, "A"),
-            "slope_v_s": Quantity(
-                0.7 * settled_v / ramp_s, 0.7 * settled_v / ramp_s * quadrature((DIVIDER_SD, ramp_sd / ramp_s)), "V/s"
-            ),
-            "t90_s": Quantity(t90_s, t90_sd, "s"),
-            "charge_s": Quantity(cvi_s, cvi_s * quadrature((c_sd / c_f, limit_sd / limit_a, CLOCK_SD)), "s"),
-            "volts_gain": Quantity(supply_v / self.asked_v, quadrature((settled_sd, supply_v * DIVIDER_SD)) / self.asked_v, "1"),
-            "held_current_a": Quantity(
-                held_a - probe_a, quadrature((held_sd, held_a * SHUNT_SD, probe_a * LOAD_SD, probe_a * DIVIDER_SD)), "A"
-            ),
-        }
-        if self.supply_decay.resolved:
-            r_sd = quadrature((self.output_ohm_sd, losses.output_ohm * gains))
-            found["output_resistance_ohm"] = Quantity(losses.output_ohm, r_sd, "ohm")
-        if self.discharge.resolved:
-            ratio = math.log(settled_v / DISCHARGED_V)
-            found["discharge_s"] = Quantity(
-                self.discharge.tau_s * ratio, quadrature((self.discharge.sd_s * ratio, self.discharge.tau_s * DIVIDER_SD)), "s"
-            )
-        return found | self._power_quantities(c_f, c_sd) | self._overlap_quantities()
-
-    def _power_quantities(self, c_f: float, c_sd: float) -> dict[str, Quantity]:
-        at = [one for one in self.powers if one.phase.frequency_hz == 20.0 and one.phase.volts == self.asked_v]
-        if not at:
-            return {}
-        point = at[0]
-        gains = quadrature((DIVIDER_SD, SHUNT_SD))
-        eq44_w = eq44_power_w(self.settled_v[0], 20.0, c_f)
-        of_both = quadrature((c_sd / c_f, CLOCK_SD, gains))
-        ratio = point.power_w / eq44_w
-        apart = math.sqrt(max((point.sd_w / point.power_w) ** 2 - gains**2, 0.0))
-        return {
-            "power_20hz_w": Quantity(point.power_w, point.sd_w, "W"),
-            "steady_power_20hz_w": Quantity(point.steady_w, point.steady_w * gains, "W"),
-            "eq44_20hz_w": Quantity(eq44_w, eq44_w * of_both, "W"),
-            "power_over_eq44": Quantity(ratio, ratio * quadrature((apart, c_sd / c_f, CLOCK_SD)), "1"),
-        }
-
-    def _overlap_quantities(self) -> dict[str, Quantity]:
-        fit = self.overlap
-        if fit is None:
-            return {}
-        gains = quadrature((DIVIDER_SD, SHUNT_SD, CLOCK_SD, POSITION_GAIN_SD))
-        sd = quadrature((fit.sensitivity_sd, fit.sensitivity_f_m * gains))
-        return {"sensitivity_f_m": Quantity(fit.sensitivity_f_m, sd, "F/m")}

@@ -1,6 +1,6 @@
 """Capacitance of a brake against how far its strips were pulled apart: an overlap sensor.
 
-A hand first takes out the slack; from there on every metre takes ``e_r e_0 w / d`` of capacitance (derived from Eq 4.1: 23 pF/mm).
+A hand first takes out the slack; from there on every metre takes ``e_r e_0 w / d`` of capacitance (from Eq 4.1: 23 pF/mm).
 """
 
 from __future__ import annotations
@@ -22,6 +22,8 @@ class OverlapFit:
     sensitivity_sd: float
     slack_m: float
     reduced_chi2: float
+    lost_f: float
+    """Between the first stop and the last."""
 
     def at(self, travel_m: Vector) -> Vector:
         """Capacitance (n,) at some ways."""
@@ -44,4 +46,11 @@ def fit_overlap(rows: Sequence[tuple[float, float, float]]) -> OverlapFit:
     # One sd for all stops: that of a single one is itself too uncertain to weigh by.
     each_f = float(np.sqrt(np.mean(sd_f**2)))
     fit = least_squares_fit(model, c_f, each_f, start, bounds={"slack_m": (0.0, 0.8 * farthest_m)})
-    return OverlapFit(fit.value("whole_f"), fit.value("lost_f_m"), fit.sd("lost_f_m"), fit.value("slack_m"), fit.reduced_chi2)
+    return OverlapFit(
+        whole_f=fit.value("whole_f"),
+        sensitivity_f_m=fit.value("lost_f_m"),
+        sensitivity_sd=fit.sd("lost_f_m"),
+        slack_m=fit.value("slack_m"),
+        reduced_chi2=fit.reduced_chi2,
+        lost_f=float(c_f[0] - c_f[-1]),
+    )

@@ -84,6 +84,11 @@ class PulseRecord:
         return float(self.current_a.mean()) if len(self.current_a) else 0.0
 
     @property
+    def inner(self) -> NDArray[np.bool_]:
+        """Which samples (m,) lie away from the edges of their pulse."""
+        return (self.phase_s > _EDGE_S) & (self.phase_s < self.length_s - _EDGE_S)
+
+    @property
     def landing_dip(self) -> float:
         """Share of the current that the moving pin's own voltage takes just before it lands, against after; nan if not met."""
         moving = (self.phase_s > _FLIGHT_S[0]) & (self.phase_s < _FLIGHT_S[1])
@@ -103,7 +108,7 @@ class PulseRecord:
 
         :raises InputError: telemetry met too few pulses.
         """
-        inner = (self.phase_s > _EDGE_S) & (self.phase_s < self.length_s - _EDGE_S)
+        inner = self.inner
         if inner.sum() < _FEWEST:
             raise InputError(f"telemetry met {inner.sum()} of {len(self.start_s)} pulses; allowed: at least {_FEWEST}")
         power_w, warm_k = (self.current_a * self.volts)[inner], rise_k[self.pulse[inner]]

@@ -45,13 +45,14 @@ def heat_plots(seconds: Vector, celsius: Vector, fit: HeatFit, record: ThermalRu
         residual_label="residual (K)",
     )
     pulses = fit.pulses
+    inner = pulses.inner
     power = Plot(
         name=f"{name}-power",
         title="Power of a pulse, as telemetry met it",
         x_label="time (s)",
         y_label="power (W)",
         series=(
-            series("measured", "measured", pulses.start_s[pulses.pulse], pulses.current_a * pulses.volts),
+            series("measured", "measured", pulses.start_s[pulses.pulse[inner]], (pulses.current_a * pulses.volts)[inner]),
             series("of a cold coil", "fit", pulses.start_s[[0, -1]], np.array([fit.cold_w, fit.cold_w])),
             series("published: 18 W (3.4.3)", "published", pulses.start_s[[0, -1]], np.array([18.0, 18.0])),
         ),

@@ -23,11 +23,20 @@ from haptics.errors import InputError, LinkError, LinkLost, PortBusy, PortMissin
 from haptics.link.messages import DEFAULT_BAUD
 
 BOARDS_PACKAGE = "firmware_models"
-SIMULATED = {"sim://tactiles": "simulated TacTiles board", "sim://brake": "simulated brake controller"}
+SIMULATED = {
+    "sim://tactiles": "simulated TacTiles board",
+    "sim://brake": "simulated brake controller",
+    "sim://thermocouple": "simulated thermocouple on one actuator",
+    "sim://accelerometer": "simulated accelerometer on a pendulum with one actuator",
+    "sim://loadcell": "simulated load cell on one brake",
+    "sim://stage": "simulated motion stage that pulls one brake",
+    "sim://probe": "simulated high-voltage probe and shunt on one brake output",
+}
 READ_TIMEOUT_S = 0.005
 WRITE_TIMEOUT_S = 0.25  # a peer that takes nothing for so long is gone; boards made themselves safe after 0.1 s
 _ALLOWED = (
-    "sim://tactiles, sim://brake, a device (/dev/ttyACM0, COM3), socket://HOST:PORT, rfc2217://HOST:PORT, hwgrep://TEXT, loop://"
+    "sim://tactiles, sim://brake and others (haptics ports lists them), a device (/dev/ttyACM0, COM3), socket://HOST:PORT, "
+    "rfc2217://HOST:PORT, hwgrep://TEXT, loop://"
 )
 
 if BOARDS_PACKAGE not in serial.protocol_handler_packages:

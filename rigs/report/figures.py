@@ -83,7 +83,7 @@ def _draw(figure: Any, plot: Plot) -> None:
     above.set_ylabel(plot.y_label)
     if plot.log_y:
         above.set_yscale("log")
-    above.legend(loc="best")
+    figure.legend(*above.get_legend_handles_labels(), loc="outside lower left", ncols=2, handlelength=1.6)
     if below is None:
         above.set_xlabel(plot.x_label)
         return

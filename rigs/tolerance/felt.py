@@ -45,7 +45,7 @@ _LEAD = (
 )
 _STRENGTH = "volts and length of a contact pulse are fixed, so the host has nothing to set"
 _HEAT = "tau, c and power of each actuator go into its heat account (glove.toml, tactiles.calibration)"
-_FORCE = "k and threshold of each brake give the volts for a force, once glove.toml has them; the bench's own error stays"
+_FORCE = "k and threshold of each brake give the volts for a force (glove.toml); the bench's own error stays"
 _ENGAGE = "capacitance and law of each brake give its time to charge; supply current and contact lag are not measured"
 
 

@@ -13,8 +13,10 @@ from haptics.link import list_ports, open_port
 from haptics.link.ports import PortErrors
 
 
-def test_simulated_boards_are_listed():
-    assert {port.url for port in list_ports() if port.simulated} == {"sim://tactiles", "sim://brake"}
+def test_simulated_boards_and_instruments_are_listed():
+    assert {port.url for port in list_ports() if port.simulated} == {
+        f"sim://{name}" for name in ("tactiles", "brake", "thermocouple", "accelerometer", "loadcell", "stage", "probe")
+    }
 
 
 def test_handlers_are_found_by_name_and_nothing_is_imported():

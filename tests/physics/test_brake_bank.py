@@ -10,6 +10,7 @@ import pytest
 from haptics.errors import InputError
 from haptics.physics.brake import brake_plant
 from haptics.physics.brake_bank import BrakeBank
+from haptics.physics.brake_drive import DRIVE
 from haptics.physics.brake_force import force_law
 from haptics.physics.brake_parameters import BRAKE
 from haptics.physics.brake_system import BrakeSystem
@@ -135,6 +136,7 @@ def test_a_clutch_without_overlap_holds_nothing() -> None:
         ({"count": 2, "force_gain": math.nan}, "force_gain"),
         ({"count": 2, "overlap_m2": -1.0}, "overlap_m2"),
         ({"count": 2, "system": BrakeSystem(reversal="direct")}, "reversal"),
+        ({"count": 2, "system": BrakeSystem(drive=DRIVE.with_values(reservoir_f=1e-9))}, "reservoir_f"),
     ],
 )
 def test_a_bank_there_is_none_of_is_refused(arguments, named) -> None:
