@@ -20,7 +20,7 @@ demo: $(STAMP)  ## install, then play a shipped hand through a shipped scene on 
 	$(BIN)/haptics run playground --hand synthetic --out demo.h5 --picture demo.png --force
 
 test: $(STAMP)  ## the tests (no torch needed)
-	$(BIN)/python -m pytest -n auto
+	$(BIN)/python -m pytest -n auto --dist loadgroup
 
 check: $(STAMP)  ## format, lint, types, architecture
 	$(BIN)/ruff format --check .

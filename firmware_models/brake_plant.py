@@ -113,6 +113,11 @@ class Brakes:
         """What the supply gives, as of the last look at volts."""
         return self._plant.supply_current_a
 
+    def supply_charge_c(self, now_ns: int) -> float:
+        """All charge that the supply has given so far, its bleeder's included; looking changes nothing."""
+        self.advance(now_ns)
+        return self._plant.supply_charge_c
+
     def set_piezos(self, mask: int, now_ns: int) -> None:
         """Vibrate the piezos in ``mask`` and no others."""
         for channel in range(BRAKE_CHANNELS):
@@ -144,6 +149,15 @@ class Brakes:
             self._plant.set_output(at_s, channel, travel_m=load.get("travel_m"), leak_ohm=load.get("leak_ohm"))
         if "hand_m" in load:
             self._plant.move(channel, at_s, load["hand_m"], load.get("hand_m_s", 0.0))
+
+    def tension(self, channel: int, now_ns: int) -> float:
+        """What the hand of one output feels, newton: what a load cell between hand and brake reads.
+
+        :raises InputError: no such channel.
+        """
+        in_range("channel", channel, 0, BRAKE_CHANNELS - 1)
+        self.advance(now_ns)
+        return self._plant.tension_n[channel]
 
     def truth(self, now_ns: int) -> dict[str, Any]:
         """All outputs as they are now; ``events`` are those since the last call, ``supply_power_w`` the mean since then.

@@ -9,7 +9,7 @@ from typing import Protocol, cast
 from haptics.units import one_of
 from rigs.bench import BenchOptions
 from rigs.instruments import SampleStream
-from rigs.result import Measurement, RigResult
+from rigs.result import Answer, Measurement, RigResult
 
 RIGS = {
     "thermal": "how warm an actuator gets and how fast: tau, c (thesis 3.5.2)",
@@ -29,7 +29,7 @@ class Rig(Protocol):
     BOARD: str
     INSTRUMENTS: tuple[type[SampleStream], ...]
     MEASUREMENTS: Mapping[str, Measurement]
-    PUBLISHED: Mapping[str, str]
+    PUBLISHED: Mapping[str, Answer]
 
     @staticmethod
     def run(options: BenchOptions) -> RigResult: ...

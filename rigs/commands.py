@@ -73,7 +73,7 @@ def characterize(
 
 def validate(
     seed: Annotated[int, typer.Option(help="seed of simulated boards and instruments")] = 1,
-    devices: Annotated[int, typer.Option(help="simulated devices for each rig")] = 2,
+    devices: Annotated[int, typer.Option(help="simulated devices for each rig")] = 3,
     rigs: Annotated[list[str] | None, typer.Option("--rig", help="run only this rig; repeat [default: all]")] = None,
     level: Annotated[str | None, typer.Option(help="level of the simulated boards' models")] = None,
     out: Annotated[Path | None, typer.Option(help="folder for validation.html and .json [default: none]")] = None,

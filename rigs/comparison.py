@@ -6,8 +6,9 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
-from rigs.reference import Published, contradictions_of, published
-from rigs.result import Quantity
+from haptics.units import one_of
+from rigs.reference import contradictions_of, curve, published
+from rigs.result import Answer, Quantity
 
 Verdict = Literal["agrees", "differs", "not identifiable", "contradiction in the source"]
 
@@ -63,33 +64,60 @@ class Row:
         }
 
 
-def compare(wanted: Mapping[str, str], quantities: Mapping[str, Quantity]) -> Iterator[Row]:
-    """A row for each pair of a quantity's name and the number of the reference that it answers."""
-    for name, number in wanted.items():
+def compare(wanted: Mapping[str, Answer], quantities: Mapping[str, Quantity]) -> Iterator[Row]:
+    """A row for each quantity that answers a published number.
+
+    :raises InputError: an id that the reference does not have.
+    """
+    for name, answer in wanted.items():
         if name in quantities:
-            yield compared(name, published(number), quantities[name])
+            yield compared(name, answer, quantities[name])
 
 
-def compared(name: str, source: Published, ours: Quantity, why: str = "") -> Row:
-    """Ours against one published number."""
-    row = replace(not_met(name, source, why), ours=ours.value, uncertainty=ours.sd, unit=ours.unit)
-    if source.compare(ours.value, ours.sd) == "agrees":
+def compared(name: str, answer: Answer, ours: Quantity, why: str = "") -> Row:
+    """Ours against one published number; ``why`` says where ours comes from.
+
+    :raises InputError: an id or a point that the reference does not have, or a contradiction that is not about it.
+    """
+    row = replace(not_met(name, answer, why), ours=ours.value, uncertainty=ours.sd, unit=ours.unit)
+    if answer.at is None:
+        verdict = published(answer.published).compare(ours.value, ours.sd)
+    else:
+        verdict = curve(answer.published).compare(answer.at, ours.value, ours.sd)
+    if verdict == "agrees":
         return replace(row, verdict="agrees")
-    found = contradictions_of(source.id)
-    if found:
-        return replace(row, verdict="contradiction in the source", why=why or "; ".join(one.follows for one in found))
-    return replace(row, verdict="differs", why=why or f"off by {ours.value - source.value:+.3g} {ours.unit}")
+    if answer.contradiction is not None:
+        about = {one.id: one for one in contradictions_of(answer.published)}
+        one_of("contradiction", answer.contradiction, tuple(about))
+        return replace(row, verdict="contradiction in the source", why=about[answer.contradiction].follows)
+    off = ours.value - (row.published or 0.0)
+    return replace(row, verdict="differs", why=why or f"off by {off:+.3g} {ours.unit}")
 
 
-def not_met(name: str, source: Published, why: str) -> Row:
-    """A published number that nothing here answers, and why."""
+def not_met(name: str, answer: Answer, why: str) -> Row:
+    """A published number that nothing here answers, and why.
+
+    :raises InputError: an id or a point that the reference does not have.
+    """
+    if answer.at is None:
+        source = published(answer.published)
+        quantity, value, tolerance, relation = source.quantity, source.value, source.tolerance, source.relation
+    else:
+        source = curve(answer.published)
+        point = source.at(answer.at)
+        quantity, value, tolerance, relation = (
+            f"{source.quantity} at {answer.at:g} {source.x_unit}",
+            point.y,
+            point.tolerance,
+            "=",
+        )
     return Row(
         name=name,
-        quantity=source.quantity,
+        quantity=quantity,
         section=source.section,
-        published=source.value,
-        relation=source.relation,
-        tolerance=source.tolerance,
+        published=value,
+        relation=relation,
+        tolerance=tolerance,
         ours=None,
         uncertainty=None,
         unit=source.unit,

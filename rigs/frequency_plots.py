@@ -14,11 +14,11 @@ _PUBLISHED_HZ = 200.0
 
 def rate_plots(trains: Sequence[Delivered], name: str) -> tuple[Plot, ...]:
     """Of the trains whose rate could be told."""
-    told = [(one.played.train.rate_hz, one.rate_hz, one.jitter_s) for one in trains]
-    rows = [(asked, rate, jitter) for asked, rate, jitter in told if rate is not None and jitter is not None]
-    asked_hz = np.array([asked for asked, _, _ in rows])
-    rate_hz, sd_hz = np.array([(rate.value, rate.sd) for _, rate, _ in rows]).reshape(-1, 2).T
-    jitter_ms, jitter_sd_ms = 1e3 * np.array([(jitter.value, jitter.sd) for _, _, jitter in rows]).reshape(-1, 2).T
+    rows = [(one, rate) for one in trains if (rate := one.rate_hz) is not None]
+    asked_hz = np.array([one.played.train.rate_hz for one, _ in rows])
+    rate_hz, sd_hz = np.array([(rate.value, rate.sd) for _, rate in rows]).T
+    scatter_ms = 1e3 * np.sqrt([one.scatter_s2 for one, _ in rows])
+    scatter_sd_ms = scatter_ms / np.sqrt([2.0 * one.freedom for one, _ in rows])
     share = Plot(
         name=f"{name}-rate",
         title="Landings a second, against the rate asked for",
@@ -32,11 +32,11 @@ def rate_plots(trains: Sequence[Delivered], name: str) -> tuple[Plot, ...]:
         residuals=(series("delivered over asked, less 1", "measured", asked_hz, rate_hz / asked_hz - 1.0, sd_hz / asked_hz),),
         residual_label="relative",
     )
-    jitter = Plot(
-        name=f"{name}-jitter",
-        title="Unevenness of the landings, beyond what sampling leaves open",
+    scatter = Plot(
+        name=f"{name}-scatter",
+        title="Unevenness of the landings; that of slow trains is of the timing of a landing",
         x_label="asked (Hz)",
-        y_label="jitter (ms)",
-        series=(series("measured, 1 sd", "measured", asked_hz, jitter_ms, jitter_sd_ms),),
+        y_label="scatter about even spacing (ms)",
+        series=(series("measured, 1 sd", "measured", asked_hz, scatter_ms, scatter_sd_ms),),
     )
-    return share, jitter
+    return share, scatter

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from haptics.time import seconds_to_ns
 from rigs.bench import Bench
@@ -25,15 +26,27 @@ GAP_S = 50e-6
 LEAD_S = 0.1
 """Commands leave this long before a burst: 20 of them take a fifth of it on a line of 500 kbaud."""
 REST_S = 0.4
-RINGS_ON = 1.5
-"""A landing is louder than this times what the last samples, half a ring, were."""
-_HALF_RING = 5
+LANDS = 0.35
+"""A landing is louder than this share of what they are at their loudest, alike in slow and fast trains: none is seen later only
+because more still rings."""
+RINGS_ON = 1.15
+"""It is louder than this times what rang shortly before."""
+_BEFORE = range(3, 7)
+"""Shortly before: these samples, which hold a crest of any ring from 450 Hz on; the last two may be the landing's own rise."""
+_CREST = 4
+IN_STEP = 1.85
+"""How much the slope of landings, each known to a period of sampling, can be off beside landings that meet sampling at random:
+worst of all ratios of the two periods, 9 landings a burst."""
+TIMED_ALIKE = 1.0
+"""Landings of fast and slow trains are timed alike to this many times the variance of a step of sampling (assumed)."""
+SLOW_HZ = 20.0
+"""Up to here a cycle is alone: landings of slow trains tell how well one is timed."""
 _WHOLE_AT_ONCE_S = 0.5
 
 
 @dataclass(frozen=True)
 class Train:
-    """What is asked for: ``cycles`` in each of ``bursts``, ``toward_s`` and ``back_s`` long, the return ``back_at_s`` into a cycle."""
+    """What is asked for: ``cycles`` in each of ``bursts``; pulses of ``toward_s``, and ``back_s`` from ``back_at_s`` on."""
 
     name: str
     rate_hz: float
@@ -73,14 +86,20 @@ class Played:
 class Delivered:
     """What was felt of a train. ``late_s`` (n,): each landing after its cycle's command, nan: none. ``cycle`` (n,): its number.
 
-    ``spacing_s`` and ``jitter_s`` None: too few landings.
+    ``ring_left`` (n,): share of the landing's loudness that rang shortly before. ``spacing_s`` None: too few landings.
+    ``scatter_s2``: variance of the landings about even spacing, with ``freedom`` degrees of freedom. The first of each burst is
+    left out of these: it comes from rest and into quiet.
     """
 
     played: Played
     cycle: Vector
     late_s: Vector
-    spacing_s: Quantity | None
-    jitter_s: Quantity | None
+    ring_left: Vector
+    period_s: float
+    """Of sampling."""
+    spacing_s: Quantity | None = None
+    scatter_s2: float = 0.0
+    freedom: int = 0
 
     @property
     def landings(self) -> int:
@@ -107,7 +126,7 @@ class Delivered:
 
     def row(self) -> dict[str, float | int | str | None]:
         """For a table."""
-        rate, jitter, train = self.rate_hz, self.jitter_s, self.played.train
+        rate, train = self.rate_hz, self.played.train
         return {
             "train": train.name,
             "asked_hz": train.rate_hz,
@@ -119,8 +138,7 @@ class Delivered:
             "landings": self.landings,
             "rate_hz": None if rate is None else rate.value,
             "rate_sd_hz": None if rate is None else rate.sd,
-            "jitter_s": None if jitter is None else jitter.value,
-            "jitter_sd_s": None if jitter is None else jitter.sd,
+            "scatter_s": None if rate is None else math.sqrt(self.scatter_s2),
         }
 
 
@@ -145,57 +163,73 @@ def play(bench: Bench, train: Train, phases_s: Sequence[float]) -> Played:
     return Played(train, tuple(starts_ns), len(bench.refusals()) - before, (_counter(bench) - count) & 0xFFFF)
 
 
-def felt(samples: Samples, played: Played, earliest_s: float) -> Delivered:
+def felt(samples: Samples, played: Played, earliest_s: float, lands: float = LANDS) -> Delivered:
     """The landings of a train.
 
     :param earliest_s: after a cycle's command, when its landing is looked for first; until one cycle later, or 20 ms.
+    :param lands: loudness that makes a landing, over that of a landing at its loudest; with 0 it is timed earliest, from quiet.
     """
     train = played.train
-    cycle: list[float] = []
-    late_s: list[float] = []
-    within_s = min(1.0 / train.rate_hz, 20e-3)
-    for trace in traces(samples, played.starts_ns, train.length_s + 50e-3):
-        loud = loud_samples(trace)
-        for k in range(train.cycles):
-            cycle.append(k)
-            command_s = k / train.rate_hz
-            low, high = np.searchsorted(trace.after_s, (command_s + earliest_s, command_s + earliest_s + within_s))
-            first = low + int(np.argmax(loud[low:high])) if loud[low:high].any() else None
-            at_s = math.nan if first is None else trace.after_s[first] - 0.5 * trace.period_s
-            late_s.append(at_s - command_s)
-    period_s = float(np.median(np.diff(samples.time_s)))
-    return _with_rate(Delivered(played, np.array(cycle), np.array(late_s), None, None), period_s)
+    found = traces(samples, played.starts_ns, train.length_s + 50e-3)
+    windows = [(trace, k, _window(trace, k / train.rate_hz + earliest_s, train)) for trace in found for k in range(train.cycles)]
+    loudest_g = float(np.median([np.abs(trace.g[low:high]).max(initial=0.0) for trace, _, (low, high) in windows]))
+    rows: list[tuple[float, float, float]] = []
+    for trace, k, (low, high) in windows:
+        loud = loud_samples(trace, lands * loudest_g, low, high)
+        if not loud.any():
+            rows.append((k, math.nan, math.nan))
+            continue
+        first, loudness = low + int(np.argmax(loud)), np.abs(trace.g)
+        before_g = loudness[first - _BEFORE[-1] : first - _BEFORE[0] + 1].max()
+        late_s = trace.after_s[first] - 0.5 * trace.period_s - k / train.rate_hz
+        rows.append((k, late_s, before_g / loudness[first : first + _CREST].max()))
+    cycle, late_s, ring_left = np.array(rows).T
+    return _with_rate(Delivered(played, cycle, late_s, ring_left, found[0].period_s))
 
 
-def loud_samples(trace: Trace) -> np.ndarray:
-    """For each sample (n,): whether something new begins to ring there, or has just begun."""
+def loud_samples(trace: Trace, least_g: float, low: int, high: int) -> NDArray[np.bool_]:
+    """For each sample from ``low`` to ``high``: whether something new begins to ring there, or has just begun.
+
+    :param least_g: what is quieter than this is none, whatever came before.
+    """
     loudness = np.abs(trace.g)
-    before = np.max([np.concatenate([np.zeros(k), loudness[:-k]]) for k in range(1, _HALF_RING + 1)], axis=0)
-    return loudness > LOUD_SDS * trace.noise_g + RINGS_ON * before
+    before_g = np.max([loudness[max(low - k, 0) : max(high - k, 0)] for k in _BEFORE], axis=0)
+    return loudness[low:high] > np.maximum(max(LOUD_SDS * trace.noise_g, least_g), RINGS_ON * before_g)
 
 
-def _with_rate(found: Delivered, period_s: float) -> Delivered:
-    """Spacing and jitter from the landings, if there are enough."""
-    here = np.isfinite(found.late_s)
+def jitter(one: Delivered, others: Sequence[Delivered]) -> Quantity:
+    """Unevenness of a train's landings beyond that of slow ones among ``others``, where only the timing of a landing scatters."""
+    slow = [other for other in others if other.played.train.rate_hz <= SLOW_HZ and other.freedom > 0]
+    freedom = sum(other.freedom for other in slow)
+    timing_s2 = sum(other.scatter_s2 * other.freedom for other in slow) / freedom
+    alike_s2 = TIMED_ALIKE * one.period_s**2 / 12.0
+    sd_s2 = math.hypot(one.scatter_s2 * math.sqrt(2.0 / one.freedom), timing_s2 * math.sqrt(2.0 / freedom), alike_s2)
+    jitter_s2 = max(one.scatter_s2 - timing_s2, 0.0)
+    jitter_s = math.sqrt(jitter_s2)
+    return Quantity(jitter_s, sd_s2 / (2.0 * jitter_s) if jitter_s2 > sd_s2 else math.sqrt(sd_s2), "s")
+
+
+def _window(trace: Trace, from_s: float, train: Train) -> tuple[int, int]:
+    """Where one cycle's landing is looked for."""
+    low, high = np.searchsorted(trace.after_s, (from_s, from_s + min(1.0 / train.rate_hz, 20e-3)))
+    return int(low), int(high)
+
+
+def _with_rate(found: Delivered) -> Delivered:
+    """Spacing and scatter from the landings, if there are enough."""
+    here = np.isfinite(found.late_s) & (found.cycle > 0)
     cycle, late_s = found.cycle[here], found.late_s[here]
-    if len(late_s) < 4 or len(np.unique(cycle)) < 3:
+    if len(late_s) < 4 or len(np.unique(cycle)) < 2:
         return found
     slope, height = np.polyfit(cycle, late_s, 1)
-    left = late_s - height - slope * cycle
-    freedom = len(left) - 2
-    # A sample's period is the least that is not known of each; where sampling and train keep step, scatter does not show it.
-    steps_s2 = period_s**2 / 12.0
-    scatter_s2 = float(np.sum(left**2)) / freedom
-    slope_sd_s = math.sqrt(max(scatter_s2, steps_s2) / float(np.sum((cycle - cycle.mean()) ** 2)))
-    jitter_s2, jitter_s2_sd = max(scatter_s2 - steps_s2, 0.0), max(scatter_s2, steps_s2) * math.sqrt(2.0 / freedom)
-    jitter_s = math.sqrt(jitter_s2)
-    jitter_sd_s = jitter_s2_sd / (2.0 * jitter_s) if jitter_s2 > jitter_s2_sd else math.sqrt(jitter_s2_sd)
+    freedom = len(late_s) - 2
+    scatter_s2 = float(np.sum((late_s - height - slope * cycle) ** 2)) / freedom
+    # Where sampling and train keep step, errors of one burst go along with one another, and scatter does not show them.
+    steps_s2 = (IN_STEP**2 - 1.0) * found.period_s**2 / 12.0
+    slope_sd_s = math.sqrt((scatter_s2 + steps_s2) / float(np.sum((cycle - cycle.mean()) ** 2)))
     spacing_s = 1.0 / found.played.train.rate_hz + float(slope)
-    return replace(
-        found,
-        spacing_s=Quantity(spacing_s, quadrature((slope_sd_s, spacing_s * RATE_SD)), "s"),
-        jitter_s=Quantity(jitter_s, jitter_sd_s, "s"),
-    )
+    sd_s = quadrature((slope_sd_s, spacing_s * RATE_SD))
+    return replace(found, spacing_s=Quantity(spacing_s, sd_s, "s"), scatter_s2=scatter_s2, freedom=freedom)
 
 
 def _counter(bench: Bench) -> int:

@@ -30,8 +30,8 @@ LOOSE_G = 0.5
 """Greatest acceleration that passes for no landing at all: a twentieth of the published recoil."""
 RATE_SD = 1e-4
 """Of the host's clock, which sampling and trains are measured by, as a share (assumed: any crystal)."""
-LINK_SD_S = 20e-6
-"""Of a command's time on the board's clock (assumed: the link's estimate of that clock, over USB)."""
+LINK_SD_S = 0.1e-3
+"""Of a command's time on the board's clock (assumed: the link cannot tell the way there from the way back)."""
 SAMPLE_S = 1.0 / SAMPLE_RATE_HZ
 _LEAST_DIP, _MOST_DIP = 0.0015, 0.05
 
@@ -50,7 +50,7 @@ MEASUREMENTS = {
 
 @dataclass(frozen=True)
 class Trace:
-    """Acceleration after one command: ``after_s`` (n,) of each sample since the command, ``g`` (n,) less what it reads at rest."""
+    """Acceleration after one command: ``after_s`` (n,) of each sample since then, ``g`` (n,) less what it reads at rest."""
 
     after_s: Vector
     g: Vector

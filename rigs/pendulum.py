@@ -40,18 +40,18 @@ from rigs.landings import (
 )
 from rigs.pendulum_fit import FLIGHT_S, SurfaceFit, fit_surface
 from rigs.pendulum_plots import recoil_plots
-from rigs.result import Fault, Measured, Measurement, Quantity, RigResult
+from rigs.result import Answer, Fault, Measured, Measurement, Quantity, RigResult
 from rigs.thermal_fit import PulseRecord
 
 NAME = "pendulum"
 BOARD = "tactiles"
 INSTRUMENTS = (Accelerometer,)
 PUBLISHED = {
-    "tau_bare_s": "recoil_tau_bare",
-    "tau_silicone_s": "recoil_tau_silicone",
-    "tau_foam_s": "recoil_tau_foam",
-    "peak_g_bare": "recoil_peak",
-    "travel_s": "contact_travel",
+    "tau_bare_s": Answer("recoil_tau_bare"),
+    "tau_silicone_s": Answer("recoil_tau_silicone"),
+    "tau_foam_s": Answer("recoil_tau_foam"),
+    "peak_g_bare": Answer("recoil_peak"),
+    "travel_s": Answer("contact_travel"),
 }
 """Quantity here, number of the reference it answers."""
 CYCLES = 20
@@ -132,7 +132,7 @@ def evaluate(swings: list[Swing]) -> RigResult:
         measured=measured,
         plots=plots,
         notes=(
-            "tau is the mean of fits to each landing; tau by the thesis' method is of the aligned and averaged magnitude. peak is "
+            "tau is the mean of fits to each landing; by the thesis' method it is of the aligned and averaged magnitude. peak is "
             "the envelope at the landing, ahead of the accelerometer's low-pass; greatest is the mean of the greatest samples, "
             "which is what Fig 3.3 shows at 0.",
             "travel is from the command's start to the landing, pins coming back (on to off).",
@@ -189,6 +189,7 @@ def _switch(bench: Bench, surface: str) -> list[int]:
         low_s, high_s = _MOVING_S if (k // 2) % 2 == 0 else _RESTING_S
         at_ns = meeting_telemetry(bench, near_ns, low_s + (high_s - low_s) * ((k * _GOLDEN) % 1.0))
         bench.pulse([bench.options.channel], at_ns, PULSE_S, toward_skin=k % 2 == 0)
+        bench.wait_until(at_ns + seconds_to_ns(2.0 * PULSE_S))
         if k % 2:
             backs_ns.append(at_ns)
     bench.wait(SPACING_S)

@@ -1,4 +1,4 @@
-"""The pendulum rig's curves, as Fig 3.3: averaged landings in log scale with fit and published decay; and each landing's decay."""
+"""The pendulum rig's curves: landings averaged, in log scale, with fit and published decay (Fig 3.3); decay of each landing."""
 
 from __future__ import annotations
 

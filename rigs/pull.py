@@ -20,15 +20,16 @@ from rigs.bench import Bench, BenchOptions
 from rigs.fitting import noise_sd
 from rigs.instruments import LoadCell, Stage
 from rigs.pull_faults import fit_faults
-from rigs.pull_fit import OnePull, PullRecord, fit_pulls
+from rigs.pull_fit import fit_pulls
 from rigs.pull_plots import pull_plots
-from rigs.result import Measured, Measurement, RigResult
-from rigs.tester import FRAME, bench_faults, spare_the_cell
+from rigs.pull_record import OnePull, PullRecord
+from rigs.result import Answer, Measured, Measurement, RigResult
+from rigs.tester import FRAME, arm, bench_faults, spare_the_cell
 
 NAME = "pull"
 BOARD = "brake"
 INSTRUMENTS = (LoadCell, Stage)
-PUBLISHED = {"plateau_1500_n": "pull_force", "off_force_n": "off_force"}
+PUBLISHED = {"plateau_1500_n": Answer("pull_force"), "off_force_n": Answer("off_force")}
 """Quantity here, number of the reference it answers."""
 VOLTS = (0.0, 250.0, 500.0, 750.0, 1000.0, 1250.0, 1500.0)
 WAY_M = 10e-3
@@ -57,7 +58,8 @@ def run(options: BenchOptions) -> RigResult:
     :raises HapticsError: the board or an instrument cannot be used; the board is off then.
     """
     with Bench(BOARD, INSTRUMENTS, options, rig=NAME, simulate=FRAME, plot=("loadcell", "force_n")) as bench:
-        bench.arm()
+        if faults := arm(bench, options.channel):
+            return RigResult(NAME, faults=faults)
         bench.watch = lambda: spare_the_cell(bench)
         pulls: list[OnePull] = []
         bench.wait(LONG_REST_S)

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from haptics.physics.brake_parameters import BRAKE
 from rigs.fitting import Vector
-from rigs.pull_fit import PullRecord, fit_rise, sliding_parts
+from rigs.pull_parts import fit_rise, sliding_parts
+from rigs.pull_record import OnePull, PullRecord
 from rigs.result import Fault
 
 _NO_FORCE_N = 0.5
 """At 1500 V; a fortieth of what is published."""
 _LOST_SHARE = 0.4
 """Of the overlap that sliding strips lose; less: they do not slide, the clamp does."""
+_TAUT_N = 0.2
+_GROWN_M = 0.4e-3
 
 
 def fit_faults(record: PullRecord, noise_n: float, overlap_m2: float) -> tuple[Fault, ...]:
@@ -21,6 +26,8 @@ def fit_faults(record: PullRecord, noise_n: float, overlap_m2: float) -> tuple[F
     fast = [one for one in record.pulls if not one.slow]
     most_n = max(float(record.of(one)[1].max()) for one in slow)
     if (fault := no_force(most_n, record.capacitance_f)) is not None:
+        return (fault,)
+    if (fault := growing_slack(record, slow) or growing_slack(record, fast)) is not None:
         return (fault,)
     sliding = sliding_parts(record, fast, fit_rise(record, slow, noise_n))
     for one in sliding:
@@ -34,13 +41,30 @@ def fit_faults(record: PullRecord, noise_n: float, overlap_m2: float) -> tuple[F
     return ()
 
 
+def growing_slack(record: PullRecord, pulls: Sequence[OnePull]) -> Fault | None:
+    """Pulls of one speed, each of which takes longer to get taut than the first: the clamp has slipped meanwhile."""
+    taut: list[tuple[float, float]] = []
+    for one in pulls:
+        seconds, force_n = record.of(one)
+        if float(force_n.max()) > 2.0 * _TAUT_N:
+            taut.append((one.volts, one.speed_m_s * float(seconds[int(np.argmax(force_n > _TAUT_N))])))
+    for volts, way_m in taut[1:]:
+        if way_m - taut[0][1] > _GROWN_M:
+            why = (
+                f"at {volts:g} V the strips are taut after {1e3 * way_m:.1f} mm, at {taut[0][0]:g} V they were after "
+                f"{1e3 * taut[0][1]:.1f} mm: the clamp slips along the strip; tighten it"
+            )
+            return Fault("clamp_slips", why)
+    return None
+
+
 def no_force(most_n: float, capacitance_f: float) -> Fault | None:
     """Nothing was pulled. :param most_n: greatest force with 1500 V on."""
     if most_n >= _NO_FORCE_N:
         return None
     why = (
-        f"the force stays below {most_n:.2g} N, though the brake has {capacitance_f * 1e9:.1f} nF and the stage says that it went; "
-        "does its carriage move, and is the strip in the clamp?"
+        f"the force stays below {most_n:.2g} N, though the brake has {capacitance_f * 1e9:.1f} nF and the stage says that it "
+        "went; does its carriage move, and is the strip in the clamp?"
     )
     return Fault("stage_still", why)
 
@@ -54,7 +78,7 @@ def clamp_fault(volts: float, slip_m: Vector, force_n: Vector, noise_n: float, o
     if lost >= _LOST_SHARE * BRAKE.width_m / overlap_m2 - 4.0 * slope_sd:
         return None
     why = (
-        f"at {volts:g} V the force stays at {at_none_n:.3g} N while {1e3 * slip_m[-1]:.1f} mm slide, where strips would lose overlap "
-        "and force: the clamp slips along the strip; tighten it"
+        f"at {volts:g} V the force stays at {at_none_n:.3g} N while {1e3 * slip_m[-1]:.1f} mm slide, where strips would lose "
+        "overlap and force: the clamp slips along the strip; tighten it"
     )
     return Fault("clamp_slips", why)

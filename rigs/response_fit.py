@@ -26,6 +26,8 @@ _NEAREST = 12
 _HELD_S = (0.05, 0.11)
 """Since volts on: the force has risen, and falls with the overlap only."""
 _LAST_S = 10e-3
+_DRAG_S = 20e-3
+_LEAST_N = 1.0
 _AFTER_S = 0.15
 
 
@@ -84,6 +86,16 @@ class ResponseRecord:
         order = np.argsort(seconds[held])
         return self.pull_m_s * seconds[held][order], force_n[held][order]
 
+    def drag_n(self, noise_n: float) -> tuple[float, float]:
+        """Mean force of the free strips just before volts come, and its standard deviation."""
+        parts = [self.raw(one.on_ns - round(_DRAG_S * 1e9), one.on_ns)[1] - self.zero_n(one) for one in self.steps]
+        force_n = np.concatenate(parts)
+        return float(force_n.mean()), noise_n / len(force_n) ** 0.5
+
+    def loaded_n(self) -> float:
+        """Greatest force of the slow pull."""
+        return float(self.raw(*self.loading_ns)[1].max() - self.raw(*self.rest_ns)[1].mean())
+
     def loading_n_s(self, faster: float) -> float:
         """Rate at which held strips are loaded at ``faster`` times the speed of the slow pull; 0 if that shows no rise."""
         seconds, force_n = self.raw(*self.loading_ns)
@@ -91,7 +103,7 @@ class ResponseRecord:
         most_n = float(force_n.max())
         first = int(np.argmax(force_n > 0.2 * most_n))
         last = int(np.argmax(force_n > 0.8 * most_n))
-        if last - first < 3:
+        if last - first < 2 or most_n < _LEAST_N:
             return 0.0
         return faster * float(np.polyfit(seconds[first:last], force_n[first:last], 1)[0])
 
@@ -139,10 +151,11 @@ class ResponseFit:
     def notes(self, volts: float, capacitance_f: float, loading_n_s: float) -> tuple[str, ...]:
         """What limits the times."""
         charging_s = (capacitance_f + DRIVE.stray_f) * volts / DRIVE.supply_current_a
+        limit_ua = 1e6 * DRIVE.supply_current_a
         return (
-            f"Charging {capacitance_f * 1e9:.2f} nF to {volts:g} V takes {1e3 * charging_s:.1f} ms at {1e6 * DRIVE.supply_current_a:g} "
-            f"uA, contact the rest; the frame loads held strips with {loading_n_s:.0f} N/s at most. Released, the bridge empties the "
-            "brake in well below a millisecond; what takes its time then is the contact.",
+            f"Charging {capacitance_f * 1e9:.2f} nF to {volts:g} V takes {1e3 * charging_s:.1f} ms at {limit_ua:g} uA, contact "
+            f"the rest; the frame loads held strips with {loading_n_s:.0f} N/s at most. Released, the bridge empties the brake "
+            "in well below a millisecond; what takes its time then is the contact.",
             "Times count from when the board switches, 3 ms after the host's command.",
         )
 

@@ -22,6 +22,17 @@ class Quantity:
 
 
 @dataclass(frozen=True)
+class Answer:
+    """What of the reference a quantity answers: the id of a number, or of a curve and the point ``at``; and the id of the
+    contradiction in the source that explains a difference, if one is due.
+    """
+
+    published: str
+    contradiction: str | None = None
+    at: float | None = None
+
+
+@dataclass(frozen=True)
 class Fault:
     """Something wrong at the bench. ``what``: a word from the rig's list; ``why``: what was seen, and what to do."""
 

@@ -26,7 +26,7 @@ from haptics.physics.brake_drive import clamp_time_s
 from haptics.time import seconds_to_ns
 from rigs.bench import Bench, BenchOptions
 from rigs.instruments import Probe, Stage
-from rigs.result import Fault, Measured, Measurement, RigResult
+from rigs.result import Answer, Fault, Measured, Measurement, RigResult
 from rigs.supply_faults import NOISIEST_A, NOISIEST_V, SupplyRun, board_faults, probe_faults
 from rigs.supply_fit import Phase, SupplyFit
 from rigs.supply_overlap import OverlapFit
@@ -37,11 +37,9 @@ NAME = "supply"
 BOARD = "brake"
 INSTRUMENTS = (Probe, Stage)
 PUBLISHED = {
-    "supply_current_a": "supply_current",
-    "t90_s": "predicted_charge_time",
-    "charge_s": "charge_time",
-    "eq44_20hz_w": "predicted_power",
-    "power_20hz_w": "brake_power_bound",
+    "supply_current_a": Answer("supply_current"),
+    "t90_s": Answer("predicted_charge_time", "time_to_charge"),
+    "power_20hz_w": Answer("brake_power_bound", "power_of_one_charge"),
 }
 """Quantity here, number of the reference it answers."""
 REST_S = 0.2

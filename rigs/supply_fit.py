@@ -111,7 +111,11 @@ class SupplyFit:
     def asked_v(self) -> float:
         return next(phase.volts for phase in self.phases if phase.kind == "charge")
 
-    def _held(self, trace: Trace) -> slice:
+    def held(self, trace: Trace) -> slice:
+        """Samples of a charge whose volts have settled.
+
+        :raises InputError: fewer than 20.
+        """
         height = trace.height
         high = 0.9 * float(np.percentile(height, 90))
         first, last = np.flatnonzero(height > high)[[0, -1]]
@@ -123,13 +127,13 @@ class SupplyFit:
     @cached_property
     def settled_v(self) -> tuple[float, float]:
         """Volts of the output that charges settle at, and sd without the gain."""
-        value, sd = mean_of([float(np.mean(one.height[self._held(one)])) for one in self.charges])
+        value, sd = mean_of([float(np.mean(one.height[self.held(one)])) for one in self.charges])
         return value, quadrature((sd, self._floor[0]))
 
     @cached_property
     def held_a(self) -> tuple[float, float]:
         """Current that the supply gives then, the probe's share included, and sd without the gain."""
-        value, sd = mean_of([float(np.mean(one.amps[self._held(one)])) for one in self.charges])
+        value, sd = mean_of([float(np.mean(one.amps[self.held(one)])) for one in self.charges])
         return value, quadrature((sd, self._floor[1]))
 
     @cached_property
@@ -138,7 +142,7 @@ class SupplyFit:
         settled_v = self.settled_v[0]
         means: list[float] = []
         for one in self.charges:
-            height = one.height[: self._held(one).start]
+            height = one.height[: self.held(one).start]
             means.append(float(np.mean(one.amps[: len(height)][(height > 0.05 * settled_v) & (height < 0.6 * settled_v)])))
         value, sd = mean_of(means)
         return value, quadrature((sd, self._floor[1]))
@@ -220,16 +224,21 @@ class SupplyFit:
 
     # Times and power.
 
+    def start_s(self, trace: Trace) -> float:
+        """When a charge began: its ramp carried back to 0 V."""
+        top_v = self.settled_v[0]
+        return crossing_s(trace, self.held(trace).start, 0.0, (0.02 * top_v, 0.3 * top_v))
+
     def times_s(self) -> dict[str, tuple[float, float]]:
         """To 90 % of the volts (``t90``), and from 10 to 80 % (``ramp``), without a probe: value and sd."""
         top_v = self.settled_v[0]
         t90: list[float] = []
         between: list[float] = []
         for one in self.charges:
-            end = self._held(one).start
-            spans = ((0.0, (0.02, 0.3)), (0.1, (0.02, 0.26)), (0.8, (0.68, 0.92)), (0.9, (0.8, 0.97)))
-            zero, t10, t80, at90 = (crossing_s(one, end, s * top_v, (low * top_v, high * top_v)) for s, (low, high) in spans)
-            t90.append(at90 - zero)
+            end = self.held(one).start
+            spans = ((0.1, (0.02, 0.26)), (0.8, (0.68, 0.92)), (0.9, (0.8, 0.97)))
+            t10, t80, at90 = (crossing_s(one, end, s * top_v, (low * top_v, high * top_v)) for s, (low, high) in spans)
+            t90.append(at90 - self.start_s(one))
             between.append(t80 - t10)
         # The mean volts are 45 % of the settled ones in both spans; so much of the current goes into the probe.
         probe = 0.45 * top_v * self.load_s / self.limit_a[0]

@@ -4,15 +4,34 @@ from __future__ import annotations
 
 import numpy as np
 
+from haptics.errors import LimitError
 from haptics.time import NS_PER_S
 from rigs.bench import Bench
 from rigs.result import Fault
 
 _SILENT_NS = NS_PER_S
+_TELEMETRY_S = 0.1
 _FLAT_SAMPLES = 100
 """A converter of 24 bits does not repeat itself that often."""
 FRAME = {"load_stiffness_n_m": 1e5, "load_damping_n_s_m": 50.0, "damping_n_s_m": 0.0}
 """What pulls a simulated brake: the stiff frame of ``haptics.physics.brake_pull.TESTER``, in place of a finger."""
+
+
+def arm(bench: Bench, channel: int) -> tuple[Fault, ...]:
+    """Arm the board; faults where its self test finds no brake on this output, or a bad one.
+
+    :raises HapticsError: it would not arm for another reason.
+    """
+    try:
+        bench.arm()
+    except LimitError:
+        if any("self_test" in text for text in bench.glove.faults):  # no output has a brake
+            return (_absent(channel),)
+        if bench.glove.faults:
+            return bench.faults()
+        raise
+    bench.wait(_TELEMETRY_S)
+    return brake_faults(bench, channel)
 
 
 def bench_faults(bench: Bench, channel: int) -> tuple[Fault, ...]:
@@ -54,9 +73,12 @@ def brake_faults(bench: Bench, channel: int) -> tuple[Fault, ...]:
     """There is no brake, or the board saw something."""
     seen_pf = [message.capacitance[channel] for _, message in bench.telemetry]
     if seen_pf and max(seen_pf) == 0:
-        why = f"output {channel} has no capacitance by the board's self test; is a brake plugged in there?"
-        return (Fault("brake_absent", why),)
+        return (_absent(channel),)
     return bench.faults()
+
+
+def _absent(channel: int) -> Fault:
+    return Fault("brake_absent", f"output {channel} has no capacitance by the board's self test; is a brake plugged in there?")
 
 
 def spare_the_cell(bench: Bench) -> None:

@@ -23,7 +23,7 @@ from haptics.time import NS_PER_S, seconds_to_ns
 from rigs.bench import Bench, BenchOptions
 from rigs.fitting import Vector, noise_sd
 from rigs.instruments import Samples, Thermocouple
-from rigs.result import Fault, Measured, Measurement, RigResult
+from rigs.result import Answer, Fault, Measured, Measurement, RigResult
 from rigs.thermal_fit import HeatFit, PulseRecord, fit_heat
 from rigs.thermal_plots import heat_plots
 
@@ -31,10 +31,10 @@ NAME = "thermal"
 BOARD = "tactiles"
 INSTRUMENTS = (Thermocouple,)
 PUBLISHED = {
-    "tau_s": "thermal_tau",
-    "c_nominal_k_per_w": "thermal_c",
-    "rise_max_k": "thermal_rise",
-    "nominal_power_w": "thermal_power",
+    "tau_s": Answer("thermal_tau"),
+    "c_nominal_k_per_w": Answer("thermal_c"),
+    "rise_max_k": Answer("thermal_rise"),
+    "nominal_power_w": Answer("thermal_power"),
 }
 """Quantity here, number of the reference it answers."""
 REST_S, HEAT_S, COOL_S = 20.0, 360.0, 360.0

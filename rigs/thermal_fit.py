@@ -187,8 +187,8 @@ class HeatFit:
     def notes(self) -> tuple[str, ...]:
         """What a reader should know."""
         return (
-            f"A pulse takes {self.cold_w:.2f} W when cold and {self.warm_w:.2f} W at the end of heating. c counts cold watts, as the "
-            f"source does, c_taken those really taken; c_nominal divides by {NOMINAL_W:g} W whatever this coil's resistance.",
+            f"A pulse takes {self.cold_w:.2f} W when cold and {self.warm_w:.2f} W at the end of heating. c counts cold watts, as "
+            f"the source does, c_taken those really taken; c_nominal divides by {NOMINAL_W:g} W whatever this coil's resistance.",
         )
 
 

@@ -20,9 +20,8 @@ from rigs.catalogue import RIGS, rig
 from rigs.characterize import Characterisation, gathered, run_one
 from rigs.comparison import Row, compare, compared, not_met
 from rigs.judge import Judgement, judge
-from rigs.model_numbers import model_numbers
-from rigs.reference import published
-from rigs.result import RigResult
+from rigs.model_numbers import EXPLAINED, model_numbers
+from rigs.result import Answer, RigResult
 from rigs.unanswered import UNANSWERED
 
 
@@ -65,7 +64,7 @@ class Validation:
 
 def validate(
     options: BenchOptions,
-    devices: int = 2,
+    devices: int = 3,
     rigs: Sequence[str] = tuple(RIGS),
     *,
     executor: Executor | None = None,
@@ -102,12 +101,10 @@ def _run(jobs: Sequence[tuple[str, BenchOptions]], executor: Executor | None, pr
 
 def _rows(done: Sequence[Characterisation], rigs: Sequence[str]) -> list[Row]:
     rows = [row for one in done for row in compare(rig(one.rig).PUBLISHED, one.quantities)]
-    answered = {number for name in RIGS for number in rig(name).PUBLISHED.values()}
     for name in RIGS:
         if name not in rigs:
-            rows += [not_met(key, published(number), f"rig {name} was not run") for key, number in rig(name).PUBLISHED.items()]
+            rows += [not_met(key, answer, f"rig {name} was not run") for key, answer in rig(name).PUBLISHED.items()]
     for number, (quantity, why) in model_numbers().items():
-        rows.append(compared(number, published(number), quantity, why))
-        answered.add(number)
-    rows += [not_met(number, published(number), why) for number, why in UNANSWERED.items()]
+        rows.append(compared(number, Answer(number, EXPLAINED.get(number)), quantity, why))
+    rows += [not_met(number, Answer(number), why) for number, why in UNANSWERED.items()]
     return rows

@@ -13,6 +13,7 @@ import haptics
 from haptics.errors import InputError
 from haptics.session.configuration import load_configuration
 
+pytestmark = pytest.mark.xdist_group("array")
 TOOLS = Path(__file__).resolve().parents[2] / "tools"
 BASE = """# my glove
 side = "right"

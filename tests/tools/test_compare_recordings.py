@@ -29,7 +29,9 @@ def record(path: Path, times_s, force_n, extra: bool = False) -> Path:
 
 
 def compared(*words: object) -> tuple[int, dict]:
-    done = subprocess.run([sys.executable, TOOL, *map(str, words), "--json"], capture_output=True, text=True, timeout=60, check=False)
+    done = subprocess.run(
+        [sys.executable, TOOL, *map(str, words), "--json"], capture_output=True, text=True, timeout=60, check=False
+    )
     return done.returncode, json.loads(done.stdout)
 
 
@@ -69,6 +71,8 @@ def test_a_stream_in_one_recording_only_makes_them_different(first, tmp_path):
 
 def test_what_is_no_recording_is_refused(first, tmp_path):
     (tmp_path / "x.h5").write_text("no")
-    done = subprocess.run([sys.executable, TOOL, first, tmp_path / "x.h5"], capture_output=True, text=True, timeout=60, check=False)
+    done = subprocess.run(
+        [sys.executable, TOOL, first, tmp_path / "x.h5"], capture_output=True, text=True, timeout=60, check=False
+    )
     assert done.returncode == 1
     assert "compare_recordings:" in done.stderr

@@ -19,7 +19,9 @@ def sweep(*words: object) -> subprocess.CompletedProcess:
 
 
 def test_each_setting_reaches_its_volts_on_the_capacitance_of_the_brake(tmp_path):
-    done = sweep(tmp_path / "out.csv", "--port", "sim://brake?spread=0", "--volts", "500,1500", "--frequencies", "10,20", "--hold-s", 4)
+    done = sweep(
+        tmp_path / "out.csv", "--port", "sim://brake?spread=0", "--volts", "500,1500", "--frequencies", "10,20", "--hold-s", 4
+    )
     assert done.returncode == 0, done.stderr
     with (tmp_path / "out.csv").open() as file:
         rows = list(csv.DictReader(file))

@@ -1,0 +1,112 @@
+"""``haptics characterize``: the numbers, the files, the page, and what happens when something is wrong."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from haptics.errors import InputError
+from haptics.recording import load
+from rigs.bench import BenchOptions
+from rigs.characterize import characterize
+
+pytestmark = pytest.mark.xdist_group("characterize")
+
+
+def haptics(*words: object) -> subprocess.CompletedProcess:
+    command = [sys.executable, "-m", "haptics.cli.main", *map(str, words)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=280, check=False)
+
+
+@pytest.fixture(scope="module")
+def thermal(tmp_path_factory) -> tuple[dict, Path]:
+    out = tmp_path_factory.mktemp("thermal") / "bench"
+    done = haptics("characterize", "thermal", "--port", "sim://tactiles?tau_s=88", "--seed", 5, "--out", out, "--json")
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout), out
+
+
+def test_the_numbers_are_those_of_the_contract(thermal):
+    found, _ = thermal
+    assert {"tau_s", "tau_s_sd", "c_k_per_w", "c_sd", "rise_max_k", "chi2_reduced", "files"} <= set(found)
+    assert found["tau_s"] == pytest.approx(88.0, abs=4 * found["tau_s_sd"])
+    assert 0.9 < found["chi2_reduced"] < 1.1
+    assert found["faults"] == []
+    assert all(one["within"] for one in found["measured"])
+
+
+def test_recording_pictures_page_and_numbers_are_written(thermal):
+    found, out = thermal
+    assert {Path(name).name for name in found["files"]} == {path.name for path in out.iterdir()}
+    assert {path.suffix for path in out.iterdir()} == {".h5", ".png", ".html", ".json"}
+    assert json.loads((out / "thermal.json").read_text())["tau_s"] == found["tau_s"]
+    assert load(out / "thermal.h5").complete
+    for picture in out.glob("*.png"):
+        assert picture.read_bytes().startswith(b"\x89PNG")
+
+
+def test_the_page_shows_published_and_measured_with_units_in_a_browser(thermal, browser):
+    _, out = thermal
+    seen = browser.measure(out / "thermal.html")
+    words = [word for figure in seen["figures"] for word in figure["words"]]
+    assert {"time (s)", "temperature (°C)", "residual (K)", "power (W)", "measured", "fit"} <= set(words)
+    assert any("published" in word for word in words)
+    assert not [figure["outside"] for figure in seen["figures"] if figure["outside"]]
+    assert not seen["wide"]
+    pixels = browser.screenshot(out / "thermal.html", height=2600).reshape(-1, 3).astype(int)
+    for colour in ((213, 94, 0), (0, 158, 115)):  # fit, published
+        assert (np.abs(pixels - np.array(colour)).max(axis=1) < 30).sum() > 100
+
+
+def test_what_exists_is_not_overwritten_unless_forced(thermal):
+    _, out = thermal
+    refused = haptics("characterize", "thermal", "--out", out)
+    assert refused.returncode == 2
+    assert "exists and is not overwritten" in refused.stderr
+
+
+def test_a_fault_leaves_no_numbers_and_fails(tmp_path):
+    done = haptics("characterize", "thermal", "--thermocouple", "sim://thermocouple?open_at_s=30", "--out", tmp_path, "--json")
+    assert done.returncode == 1
+    found = json.loads(done.stdout)
+    assert found["faults"][0]["what"] == "thermocouple_open"
+    assert found["tau_s"] is None
+    assert found["chi2_reduced"] is None
+    assert (tmp_path / "thermal.html").exists()
+    assert load(tmp_path / "thermal.h5").complete
+
+
+def test_several_devices_give_mean_scatter_and_each_in_the_same_numbers_as_alone(tmp_path):
+    together = characterize("supply", BenchOptions(seed=20), devices=2, out=tmp_path / "two")
+    alone = [characterize("supply", BenchOptions(seed=20 + k)) for k in range(2)]
+    values = [one.quantities["supply_current_a"].value for one in alone]
+    assert [r.quantities["supply_current_a"].value for r in together.results] == values
+    assert together.quantities["supply_current_a"].value == pytest.approx(np.mean(values), rel=1e-12)
+    assert together.quantities["supply_current_a"].sd == pytest.approx(np.std(values, ddof=1), rel=1e-9)
+    assert len(together.to_json()["each"]) == 2
+    assert len(list((tmp_path / "two").glob("supply-*.h5"))) == 2
+
+
+def test_the_same_seed_gives_the_same_bytes(tmp_path):
+    pages = []
+    for name in ("a", "b"):
+        characterize("supply", BenchOptions(seed=3, record=None), out=tmp_path / name)
+        pages.append([(tmp_path / name / one).read_bytes() for one in ("supply.html", "supply.h5", "supply-charge.png")])
+    assert pages[0] == pages[1]
+
+
+def test_what_cannot_be_run_is_refused_by_name(tmp_path):
+    with pytest.raises(InputError, match=r"rig = 'heat' is not allowed; allowed: thermal, pendulum"):
+        characterize("heat", BenchOptions())
+    with pytest.raises(InputError, match="devices = 0"):
+        characterize("thermal", BenchOptions(), devices=0)
+    with pytest.raises(InputError, match="not allowed on hardware"):
+        characterize("thermal", BenchOptions(port="/dev/ttyACM9"), devices=3)
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="no folder can be made"):
+        characterize("thermal", BenchOptions(), out=tmp_path / "file" / "x")

@@ -1,0 +1,110 @@
+"""``haptics validate``: every published number beside ours, in one table and on one page."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from haptics.errors import InputError
+from rigs.catalogue import RIGS, rig
+from rigs.comparison import compared
+from rigs.reference import published
+from rigs.result import Answer, Quantity
+from rigs.unanswered import UNANSWERED
+from rigs.validation import Validation
+
+KEYS = {"quantity", "section", "published", "tolerance", "ours", "uncertainty", "unit", "role", "verdict", "why"}
+VERDICTS = {"agrees", "differs", "not identifiable", "contradiction in the source"}
+
+pytestmark = pytest.mark.xdist_group("validation")
+
+
+@pytest.fixture(scope="module")
+def validated(tmp_path_factory) -> tuple[dict, Path]:
+    out = tmp_path_factory.mktemp("validation")
+    command = [sys.executable, "-m", "haptics.cli.main", "validate", "--devices", "1", "--out", str(out), "--json"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=280, check=False)
+    assert done.returncode == 0, done.stderr + done.stdout[-3000:]
+    return json.loads(done.stdout), out
+
+
+def test_every_row_has_what_the_contract_says(validated):
+    found, out = validated
+    assert len(found["rows"]) > 40
+    for row in found["rows"]:
+        assert set(row) >= KEYS
+        assert row["verdict"] in VERDICTS
+        assert row["role"] in ("validation", "calibration")
+        if row["verdict"] != "agrees":
+            assert row["why"], row
+    assert sum(found["counts"].values()) == len(found["rows"])
+    assert json.loads((out / "validation.json").read_text())["counts"] == found["counts"]
+
+
+def test_every_rig_ran_without_a_fault_and_answers_what_it_is_there_for(validated):
+    found, _ = validated
+    assert [one["rig"] for one in found["rigs"]] == list(RIGS)
+    assert not [one["faults"] for one in found["rigs"] if one["faults"]]
+    answered = {row["name"] for row in found["rows"] if row["ours"] is not None}
+    for name in RIGS:
+        assert set(rig(name).PUBLISHED) <= answered
+
+
+def test_numbers_that_set_up_the_plants_are_not_counted_as_validation(validated):
+    found, _ = validated
+    roles = {row["name"]: row["role"] for row in found["rows"]}
+    assert roles["tau_s"] == roles["c_nominal_k_per_w"] == roles["tau_foam_s"] == "calibration"
+    assert roles["slew_n_s"] == roles["power_20hz_w"] == "validation"
+
+
+def test_the_judge_agrees_with_every_circuit(validated):
+    found, _ = validated
+    if found["judge"] is None:
+        pytest.skip("no ngspice here")
+    assert len(found["judge"]) > 20
+    assert all(one["agrees"] for one in found["judge"])
+
+
+def test_the_page_has_every_rigs_curves_with_units_readable_in_a_browser(validated, browser):
+    _, out = validated
+    seen = browser.measure(out / "validation.html")
+    assert len(seen["figures"]) >= 2 * len(RIGS)
+    for figure in seen["figures"]:
+        assert not figure["outside"]
+        assert sum("(" in word and word.endswith(")") for word in figure["words"]) >= 2, figure["words"]  # both axes have a unit
+    assert not seen["wide"]
+    pixels = browser.screenshot(out / "validation.html", height=12_000).reshape(-1, 3).astype(int)
+    for colour in ((0, 114, 178), (213, 94, 0), (0, 158, 115)):  # measured, fit, published
+        assert (np.abs(pixels - np.array(colour)).max(axis=1) < 30).sum() > 500
+
+
+def test_a_number_that_differs_without_a_contradiction_fails():
+    row = compared("x", Answer("capacitance"), Quantity(3e-9, 0.0, "F"))
+    assert row.verdict == "differs"
+    assert row.fails
+    assert not Validation((row,), (), ()).sound
+
+
+def test_a_contradiction_explains_only_the_numbers_that_it_is_about():
+    row = compared("x", Answer("predicted_charge_time", "time_to_charge"), Quantity(7.6e-3, 0.0, "s"))
+    assert row.verdict == "contradiction in the source"
+    assert not row.fails
+    with pytest.raises(InputError, match="contradiction"):
+        compared("x", Answer("thermal_tau", "time_to_charge"), Quantity(50.0, 0.1, "s"))
+
+
+def test_a_calibration_row_that_differs_is_shown_and_does_not_count():
+    row = compared("x", Answer("thermal_tau"), Quantity(150.0, 0.1, "s"))
+    assert (row.verdict, row.role, row.fails) == ("differs", "calibration", False)
+
+
+def test_what_is_said_to_be_unanswered_is_published_and_not_answered():
+    answered = {answer.published for name in RIGS for answer in rig(name).PUBLISHED.values()}
+    for number in UNANSWERED:
+        assert published(number).id == number
+    assert not answered & set(UNANSWERED)
