@@ -68,7 +68,7 @@ def test_a_calibrated_brake_gets_the_volts_of_its_own_law():
     # F = k (V^2 - V0^2) + 5 mN of off force, solved by hand for 4 N
     assert law.volts_for(4.0, overlap_m2) == pytest.approx(((4.0 - 0.005) / 8e-6 + 100.0**2) ** 0.5, rel=1e-9)
     with pytest.raises(InputError, match=r"calibration of thumb, which no output drives; allowed: index"):
-        check_configuration({"brake": {"channels": ["index"], "calibration": {"thumb": own["brake"]["calibration"]["index"]}}}, "x")
+        check_configuration({"brake": {"channels": ["index"], "calibration": {"thumb": {"k_n_v2": 8e-6, "threshold_v": 1}}}}, "x")
 
 
 def test_a_file_that_is_not_toml_is_refused_with_its_place(tmp_path):
