@@ -33,7 +33,7 @@ def _averaged(fits: Sequence[SurfaceFit], name: str) -> Plot:
             series(f"measured, {fit.surface}, 1 sd", "measured", 1e3 * after_s, g, sd_g),
             series(f"fit, {fit.surface}: tau {1e3 * average.tau_s:.2f} ms", "fit", 1e3 * after_s[ring][above], line_g[above]),
             series(
-                f"published, {fit.surface}: 10 g, tau {1e3 * published_s:g} ms (3.5.1); no uncertainty is stated",
+                f"published, {fit.surface}: 10 g, tau {1e3 * published_s:g} ms (3.5.1, no sd)",
                 "published",
                 1e3 * after_s[ring][above],
                 stated_g[above],

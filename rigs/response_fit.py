@@ -192,7 +192,9 @@ def crossing(seconds: Vector, share: Vector, level: float) -> Crossing:
     (*_, at_s), covariance = np.polyfit(share[near] - level, seconds[near], 2, cov=True)
     fitted_s = np.polyval(np.polyfit(share[near] - level, seconds[near], 2), share[near] - level)
     scatter_s = float(np.std(seconds[near] - fitted_s, ddof=3))
-    return Crossing(float(at_s), float(np.sqrt(covariance[2, 2])), scatter_s)
+    # What an edge does between two samples is not seen.
+    unseen_s = float(np.ptp(seconds[near])) / (_NEAREST - 1) / 12.0**0.5
+    return Crossing(float(at_s), quadrature((float(np.sqrt(covariance[2, 2])), unseen_s)), scatter_s)
 
 
 def _together(parts: Sequence[tuple[Vector, Vector]]) -> tuple[Vector, Vector]:
