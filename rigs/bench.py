@@ -21,7 +21,7 @@ import numpy as np
 from haptics.devices import BrakeDriver
 from haptics.devices.brake import COMMAND_LEAD_NS
 from haptics.errors import HapticsError, InputError
-from haptics.link.commands import Pending
+from haptics.link.commands import NEVER_NS, Pending
 from haptics.link.events import Event, Telemetry
 from haptics.link.messages import COIL_CHANNELS, DURATION_UNIT_US, Status
 from haptics.recording import StreamSpec, finalise, recover
@@ -110,7 +110,8 @@ class Bench:
         self.recorder: LinkRecorder | None = None
         self._pending: list[tuple[str, Pending]] = []
         self._brake_refusals: list[str] = []
-        self._out: set[int] = set()
+        self._back_ns: dict[int, int] = {}
+        """Channels whose pin was sent out, and when it will be back, as far as that was commanded."""
         url = options.board_url(board)
         self.simulated = url.startswith("sim://")
         self._check_instruments(instruments, url)
@@ -199,7 +200,8 @@ class Bench:
         pending = self.link.send("pulse", self.link.to_ticks(at_ns), mask, toward, durations, now_ns=self.now_ns)
         self._pending.append(("pulse", pending))
         self.pulsed_ns.append(at_ns)
-        (self._out.update if toward_skin else self._out.difference_update)(channels)
+        back_ns = NEVER_NS if toward_skin else at_ns + seconds_to_ns(duration_s)
+        self._back_ns.update(dict.fromkeys(channels, back_ns))
 
     def engage(self, channel: int, volts: float, frequency_hz: float) -> int:
         """Volts on one output until ``release``, kept up while ``wait`` lets time pass; returns when they begin.
@@ -410,7 +412,9 @@ class Bench:
 
     def _withdraw(self) -> None:
         """Pins that this bench sent out go back, three at a time, as long as the board takes commands."""
-        out, self._out = sorted(self._out), set()
+        now_ns = self.now_ns
+        out = sorted(channel for channel, back_ns in self._back_ns.items() if back_ns > now_ns)
+        self._back_ns.clear()
         if not out or not self.link.armed or self.link.error is not None:
             return
         try:

@@ -161,6 +161,18 @@ def test_pins_are_back_and_nothing_is_on_however_a_bench_ends():
         assert (board.energised(), board.state.name) == ([], "DISARMED")
 
 
+def test_a_pin_whose_return_was_only_queued_is_withdrawn_too():
+    with pytest.raises(KeyboardInterrupt), Bench("tactiles", [Thermocouple], BenchOptions(), rig="test") as bench:
+        bench.arm()
+        bench.pulse([4], bench.now_ns + 50_000_000, 10e-3, toward_skin=True)
+        bench.wait(0.1)
+        board = bench.link.port.board
+        bench.pulse([4], bench.now_ns + 500_000_000, 10e-3, toward_skin=False)
+        raise KeyboardInterrupt
+    assert board.plant.truth(board.now_ns)["latched"][4] == "off"
+    assert board.energised() == []
+
+
 def test_the_recording_holds_what_the_fit_was_made_from(tmp_path):
     result = thermal.run(BenchOptions(seed=9, record=tmp_path / "thermal.h5"))
     kept = load(tmp_path / "thermal.h5")
