@@ -8,7 +8,7 @@ from typing import Protocol, cast
 
 from haptics.units import one_of
 from rigs.bench import BenchOptions
-from rigs.instruments import SampleStream
+from rigs.instruments import SampleStream, Stage
 from rigs.result import Answer, Measurement, RigResult
 
 RIGS = {
@@ -23,11 +23,11 @@ INSTRUMENT_KINDS = ("thermocouple", "accelerometer", "loadcell", "stage", "probe
 
 
 class Rig(Protocol):
-    """What every rig's module has."""
+    """What every rig's folder shows."""
 
     NAME: str
     BOARD: str
-    INSTRUMENTS: tuple[type[SampleStream], ...]
+    INSTRUMENTS: tuple[type[SampleStream] | type[Stage], ...]
     MEASUREMENTS: Mapping[str, Measurement]
     PUBLISHED: Mapping[str, Answer]
 

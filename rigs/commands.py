@@ -83,8 +83,8 @@ def validate(
     """Run every rig and print each published number beside ours, with a verdict; exit 1 if one fails without a stated reason."""
     from rigs.bench import BenchOptions
     from rigs.catalogue import RIGS
-    from rigs.validation import validate as run
-    from rigs.validation_page import judge_table, refuse_taken, write_validation
+    from rigs.validation.page import judge_table, refuse_taken, write_validation
+    from rigs.validation.validate import validate as run
 
     options = BenchOptions(seed=seed, level=level)
     if out is not None:

@@ -86,7 +86,11 @@ def least_squares_fit(
     jacobian = found.jac / scale
     residuals = data - model(values)
     reduced = float(np.sum((residuals * weight) ** 2) / (len(data) - len(names)))
-    covariance = np.linalg.pinv(jacobian.T @ jacobian, hermitian=True) * max(1.0, reduced)
+    # Parameters of very different size: inverted with each column at length 1, or the small ones would be cut off.
+    length = np.linalg.norm(jacobian, axis=0)
+    length[length == 0.0] = 1.0
+    unit = jacobian / length
+    covariance = np.linalg.pinv(unit.T @ unit, hermitian=True) / np.outer(length, length) * max(1.0, reduced)
     return Fit(names, values, covariance, reduced, residuals)
 
 

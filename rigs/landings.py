@@ -12,20 +12,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from haptics.physics.recoil import SAMPLE_RATE_HZ
-from haptics.time import seconds_to_ns
-from rigs.bench import Bench, BenchOptions
+from rigs.coil_current import LEAST_DIP, MOST_DIP, PulseRecord
 from rigs.fitting import Vector
 from rigs.instruments import Accelerometer, Samples
 from rigs.result import Fault, Measured, Measurement
-from rigs.thermal_fit import PulseRecord
 
 REST_S = 60e-3
 """Samples this long before a command show offset and noise."""
 LOUD_SDS = 8.0
-TELEMETRY_S = 20e-3
-"""How often a board reports."""
-ON_A = 0.3
-"""Telemetry above this current saw a pulse: a tenth of what a coil draws, and far more than a board draws without."""
 LOOSE_G = 0.5
 """Greatest acceleration that passes for no landing at all: a twentieth of the published recoil."""
 RATE_SD = 1e-4
@@ -33,7 +27,6 @@ RATE_SD = 1e-4
 LINK_SD_S = 0.1e-3
 """Of a command's time on the board's clock (assumed: the link cannot tell the way there from the way back)."""
 SAMPLE_S = 1.0 / SAMPLE_RATE_HZ
-_LEAST_DIP, _MOST_DIP = 0.0015, 0.05
 
 MEASUREMENTS = {
     "noise_g": Measurement("noise_g", "g", 1e-3, 0.05, "noise at rest; less: it is off; more: it is loose, or the bench shakes"),
@@ -43,7 +36,7 @@ MEASUREMENTS = {
     "supply_v": Measurement("supply_v", "V", 4.5, 5.5, "supply while a coil is on; the drive is stated at 5 V (3.4.3)"),
     "current_a": Measurement("current_a", "A", 2.0, 5.0, "mean current of a pulse; a coil draws 3.6 A (3.4.3)"),
     "landing_dip": Measurement(
-        "landing_dip", "1", _LEAST_DIP, _MOST_DIP, "share of the current that motion takes before the pin lands"
+        "landing_dip", "1", LEAST_DIP, MOST_DIP, "share of the current that motion takes before the pin lands"
     ),
 }
 
@@ -81,30 +74,6 @@ def traces(samples: Samples, commands_ns: Sequence[int], length_s: float) -> lis
         cut.append((after_s, g - (rest.mean() if len(rest) else 0.0)))
     noise_g = float(np.concatenate(rests).std())
     return [Trace(after_s, g, period_s, noise_g) for after_s, g in cut]
-
-
-def meeting_telemetry(bench: Bench, near_ns: int, phase_s: float) -> int:
-    """A time close to ``near_ns`` for a pulse to begin, such that telemetry comes ``phase_s`` into it."""
-    if not bench.telemetry:
-        return near_ns
-    period_ns = seconds_to_ns(TELEMETRY_S)
-    begin_ns = bench.telemetry[-1][0] - seconds_to_ns(phase_s)
-    return begin_ns + round((near_ns - begin_ns) / period_ns) * period_ns
-
-
-def currents(bench: Bench) -> list[tuple[int, float, float]]:
-    """Time, current (A) and supply (V) of each telemetry message that saw a coil on."""
-    return [
-        (time_ns, message.current * 1e-3, message.supply * 1e-3)
-        for time_ns, message in bench.telemetry
-        if message.current * 1e-3 > ON_A
-    ]
-
-
-def tells_motion(options: BenchOptions) -> bool:
-    """Whether the coil's current shows that a pin moves: not on a board simulated at level event, where it is constant."""
-    url = options.board_url("tactiles")
-    return not (url.startswith("sim://") and ("level=event" in url or options.level == "event"))
 
 
 def set_up(accelerometer: Accelerometer, noise_g: float, pulses: PulseRecord) -> dict[str, Measured]:
@@ -173,7 +142,7 @@ def fault_of_silence(greatest_g: float, dip: float | None) -> Fault:
     if dip is None or np.isnan(dip):
         return Fault("actuator_stuck_or_accelerometer_loose", f"{felt}. Is the pin free, and the accelerometer fixed?")
     moves = f"the current dips by {100 * dip:.2f} % before the pin should land; a pin that moves takes 0.15 to 5 %"
-    if _LEAST_DIP <= dip <= _MOST_DIP:
+    if LEAST_DIP <= dip <= MOST_DIP:
         return _loose(f"{felt}, though {moves}")
     return Fault("actuator_stuck", f"{felt}, and {moves}. Is it free?")
 

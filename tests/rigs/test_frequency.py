@@ -11,9 +11,9 @@ import pytest
 from witness import Witness
 
 from haptics.recording import load
-from rigs import frequency
 from rigs.bench import BenchOptions
-from rigs.frequency_trains import Played, Train, felt, jitter, whole_up_to
+from rigs.frequency import rig as frequency
+from rigs.frequency.trains import Played, Train, felt, jitter, whole_up_to
 from rigs.instruments import Samples
 
 # Values that nothing here was tuned with; what is not named is drawn from the seed.

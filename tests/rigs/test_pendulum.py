@@ -13,10 +13,10 @@ from witness import Witness
 from haptics.errors import InputError
 from haptics.physics.recoil import RECOIL, SURFACES
 from haptics.recording import load
-from rigs import pendulum
 from rigs.bench import Bench, BenchOptions
 from rigs.landings import Trace
-from rigs.pendulum_fit import fit_ring, fit_surface, low_pass
+from rigs.pendulum import rig as pendulum
+from rigs.pendulum.fit import fit_ring, fit_surface, low_pass
 
 # Values that nothing here was tuned with; what is not named is drawn from the seed.
 ASKED = (

@@ -16,8 +16,8 @@ from haptics.session.configuration import Configuration
 from rigs import pull
 from rigs.bench import BenchOptions
 from rigs.instruments import Stage
-from rigs.pull_fit import fit_law
-from rigs.pull_parts import Rise, Sliding
+from rigs.pull.fit import fit_law
+from rigs.pull.parts import Rise, Sliding
 from rigs.tester import FRAME
 
 # Values that nothing here was tuned with.

@@ -11,9 +11,9 @@ from brake_truth import Bystander, true_brake, url
 
 from haptics.physics.brake_pull import pull as reference_pull
 from haptics.recording import load
-from rigs import response
 from rigs.bench import BenchOptions
-from rigs.response_fit import crossing
+from rigs.response import rig as response
+from rigs.response.fit import crossing
 
 # Values that nothing here was tuned with.
 ASKED = (

@@ -21,8 +21,8 @@ from haptics.recording import load
 from rigs import supply
 from rigs.bench import Bench, BenchOptions
 from rigs.instruments import InstrumentSilent, Probe
-from rigs.supply_curves import Losses, Trace, decay, half_periods, ramp, ramp_capacitance, rises
-from rigs.supply_overlap import fit_overlap
+from rigs.supply.curves import Losses, Trace, decay, half_periods, ramp, ramp_capacitance, rises
+from rigs.supply.overlap import fit_overlap
 
 # Values that nothing here was tuned with.
 ASKED = (

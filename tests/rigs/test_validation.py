@@ -15,8 +15,8 @@ from rigs.catalogue import RIGS, rig
 from rigs.comparison import compared
 from rigs.reference import published
 from rigs.result import Answer, Quantity
-from rigs.unanswered import UNANSWERED
-from rigs.validation import Validation
+from rigs.validation.unanswered import UNANSWERED
+from rigs.validation.validate import Validation
 
 KEYS = {"quantity", "section", "published", "tolerance", "ours", "uncertainty", "unit", "role", "verdict", "why"}
 VERDICTS = {"agrees", "differs", "not identifiable", "contradiction in the source"}

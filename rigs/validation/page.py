@@ -13,7 +13,7 @@ from rigs.judge import Judgement
 from rigs.reference import contradictions
 from rigs.report import Block, Page, render_page
 from rigs.report.page import Table
-from rigs.validation import Validation
+from rigs.validation.validate import Validation
 
 _FILES = ("validation.html", "validation.json")
 

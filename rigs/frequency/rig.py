@@ -25,26 +25,15 @@ import numpy as np
 from haptics.physics.latch import PULSE_BACK_S, PULSE_TOWARD_S, TRAIN_BACK_S, TRAIN_TOWARD_S
 from haptics.time import seconds_to_ns
 from rigs.bench import Bench, BenchOptions
+from rigs.coil_current import PulseRecord, currents, tells_motion
 from rigs.fitting import quadrature
-from rigs.frequency_plots import rate_plots
-from rigs.frequency_trains import GAP_S, Delivered, Train, felt, jitter, play, whole_up_to
-from rigs.frequency_use import burst_use, felt_scheduled, scheduled
+from rigs.frequency.plots import rate_plots
+from rigs.frequency.trains import GAP_S, Delivered, Train, felt, jitter, play, whole_up_to
+from rigs.frequency.use import burst_use, felt_scheduled, scheduled
 from rigs.instruments import Accelerometer
 from rigs.instruments.accelerometer import DELAY_SD_S
-from rigs.landings import (
-    LINK_SD_S,
-    LOOSE_G,
-    MEASUREMENTS as SET_UP,
-    SAMPLE_S,
-    currents,
-    fault_of_silence,
-    faults_of_set_up,
-    set_up,
-    tells_motion,
-    traces,
-)
+from rigs.landings import LINK_SD_S, LOOSE_G, MEASUREMENTS as SET_UP, SAMPLE_S, fault_of_silence, faults_of_set_up, set_up, traces
 from rigs.result import Answer, Fault, Measured, Measurement, Quantity, RigResult
-from rigs.thermal_fit import PulseRecord
 
 NAME = "frequency"
 BOARD = "tactiles"

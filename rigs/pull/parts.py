@@ -21,7 +21,7 @@ import numpy as np
 from rigs.fitting import Vector, quadrature
 from rigs.instruments.loadcell import GAIN_SD
 from rigs.instruments.stage import DELAY_S, DELAY_SD_S, POSITION_GAIN_SD
-from rigs.pull_record import OnePull, PullRecord
+from rigs.pull.record import OnePull, PullRecord
 
 PERIOD_S = 0.1
 """Of the drive in the published pull."""

@@ -27,11 +27,11 @@ from haptics.time import seconds_to_ns
 from rigs.bench import Bench, BenchOptions
 from rigs.instruments import Probe, Stage
 from rigs.result import Answer, Fault, Measured, Measurement, RigResult
-from rigs.supply_faults import NOISIEST_A, NOISIEST_V, SupplyRun, board_faults, probe_faults
-from rigs.supply_fit import Phase, SupplyFit
-from rigs.supply_overlap import OverlapFit
-from rigs.supply_plots import supply_plots
-from rigs.supply_quantities import supply_quantities
+from rigs.supply.faults import NOISIEST_A, NOISIEST_V, SupplyRun, board_faults, probe_faults
+from rigs.supply.fit import Phase, SupplyFit
+from rigs.supply.overlap import OverlapFit
+from rigs.supply.plots import supply_plots
+from rigs.supply.quantities import supply_quantities
 
 NAME = "supply"
 BOARD = "brake"

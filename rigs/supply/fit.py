@@ -17,7 +17,7 @@ from haptics.errors import InputError
 from rigs.fitting import Vector, noise_sd, quadrature
 from rigs.instruments import Samples
 from rigs.instruments.probe import CLOCK_SD, DIVIDER_SD, LOAD_SD, SHUNT_SD
-from rigs.supply_curves import (
+from rigs.supply.curves import (
     Decay,
     Losses,
     Trace,
@@ -31,7 +31,7 @@ from rigs.supply_curves import (
     shorted_tail,
     supply_tail,
 )
-from rigs.supply_overlap import OverlapFit, fit_overlap
+from rigs.supply.overlap import OverlapFit, fit_overlap
 
 DISCHARGED_V = 60.0
 _AFTER_NS = 10_000_000

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from haptics.physics.recoil import RECOIL
-from rigs.pendulum_fit import SurfaceFit
+from rigs.pendulum.fit import SurfaceFit
 from rigs.result import Plot, Series, series
 
 _BEFORE_S, _SHOWN_S = 7e-3, 25e-3

@@ -8,8 +8,8 @@ import numpy as np
 
 from haptics.physics.brake_parameters import BRAKE
 from rigs.fitting import Vector
-from rigs.pull_parts import fit_rise, sliding_parts
-from rigs.pull_record import OnePull, PullRecord
+from rigs.pull.parts import fit_rise, sliding_parts
+from rigs.pull.record import OnePull, PullRecord
 from rigs.result import Fault
 
 _NO_FORCE_N = 0.5

@@ -20,8 +20,8 @@ import numpy as np
 from rigs.fitting import Fit, Vector, least_squares_fit, quadrature
 from rigs.instruments.loadcell import GAIN_SD
 from rigs.instruments.stage import POSITION_GAIN_SD
-from rigs.pull_parts import Plateau, Rise, Sliding, fit_rise, off_force, plateau, sliding_parts
-from rigs.pull_record import PullRecord
+from rigs.pull.parts import Plateau, Rise, Sliding, fit_rise, off_force, plateau, sliding_parts
+from rigs.pull.record import PullRecord
 from rigs.result import Quantity
 
 TOP_V = 1500.0

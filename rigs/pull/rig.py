@@ -19,10 +19,10 @@ from haptics.time import seconds_to_ns
 from rigs.bench import Bench, BenchOptions
 from rigs.fitting import noise_sd
 from rigs.instruments import LoadCell, Stage
-from rigs.pull_faults import fit_faults
-from rigs.pull_fit import fit_pulls
-from rigs.pull_plots import pull_plots
-from rigs.pull_record import OnePull, PullRecord
+from rigs.pull.faults import fit_faults
+from rigs.pull.fit import fit_pulls
+from rigs.pull.plots import pull_plots
+from rigs.pull.record import OnePull, PullRecord
 from rigs.result import Answer, Measured, Measurement, RigResult
 from rigs.tester import FRAME, arm, bench_faults, spare_the_cell
 

@@ -9,7 +9,7 @@ from rigs.fitting import quadrature
 from rigs.instruments.probe import CLOCK_SD, DIVIDER_SD, LOAD_SD, SHUNT_SD
 from rigs.instruments.stage import POSITION_GAIN_SD
 from rigs.result import Quantity
-from rigs.supply_fit import DISCHARGED_V, SupplyFit
+from rigs.supply.fit import DISCHARGED_V, SupplyFit
 
 
 def supply_quantities(fit: SupplyFit) -> dict[str, Quantity]:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rigs.frequency_trains import Delivered
+from rigs.frequency.trains import Delivered
 from rigs.result import Plot, series
 
 _PUBLISHED_HZ = 200.0

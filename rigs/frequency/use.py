@@ -11,12 +11,12 @@ from haptics.physics.thermal import DEFAULT_LIMIT_K, THERMAL
 from haptics.physics.thermal_trains import least_spacing_s
 from haptics.time import seconds_to_ns
 from rigs.bench import Bench
+from rigs.coil_current import POWER_SD
 from rigs.fitting import quadrature
-from rigs.frequency_trains import LANDS, Played, loud_samples
+from rigs.frequency.trains import LANDS, Played, loud_samples
 from rigs.instruments import Samples
 from rigs.landings import traces
 from rigs.result import Quantity
-from rigs.thermal_fit import POWER_SD
 
 EVERY_S = 5.0
 """Bursts of 50 ms at 200 Hz may come so often on average (thesis 3.5.2)."""

@@ -9,10 +9,10 @@ import numpy as np
 from haptics.physics.thermal import THERMAL
 from rigs.fitting import Vector
 from rigs.result import Plot, series
-from rigs.thermal_fit import NOMINAL_W, HeatFit
+from rigs.thermal.fit import NOMINAL_W, HeatFit
 
 if TYPE_CHECKING:
-    from rigs.thermal import ThermalRun
+    from rigs.thermal.rig import ThermalRun
 
 _DRAWN = 400
 

@@ -12,7 +12,7 @@ from haptics.time import NS_PER_MS
 from rigs.fitting import noise_sd
 from rigs.instruments import Samples
 from rigs.result import Fault
-from rigs.supply_fit import Phase
+from rigs.supply.fit import Phase
 
 _SAME = (0.9, 1.1)
 """Probe over board: outside, they look at different things."""

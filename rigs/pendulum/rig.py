@@ -25,23 +25,12 @@ from haptics.physics.recoil import SURFACES
 from haptics.time import seconds_to_ns
 from haptics.units import one_of
 from rigs.bench import Bench, BenchOptions
+from rigs.coil_current import PulseRecord, currents, meeting_telemetry, tells_motion
 from rigs.instruments import Accelerometer
-from rigs.landings import (
-    LOOSE_G,
-    MEASUREMENTS as SET_UP,
-    Trace,
-    currents,
-    fault_of_silence,
-    faults_of_set_up,
-    meeting_telemetry,
-    set_up,
-    tells_motion,
-    traces,
-)
-from rigs.pendulum_fit import FLIGHT_S, SurfaceFit, fit_surface
-from rigs.pendulum_plots import recoil_plots
+from rigs.landings import LOOSE_G, MEASUREMENTS as SET_UP, Trace, fault_of_silence, faults_of_set_up, set_up, traces
+from rigs.pendulum.fit import FLIGHT_S, SurfaceFit, fit_surface
+from rigs.pendulum.plots import recoil_plots
 from rigs.result import Answer, Fault, Measured, Measurement, Quantity, RigResult
-from rigs.thermal_fit import PulseRecord
 
 NAME = "pendulum"
 BOARD = "tactiles"

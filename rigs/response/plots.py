@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rigs.fitting import Vector
-from rigs.response_fit import HIGH, LOW, Crossing, ResponseFit
+from rigs.response.fit import HIGH, LOW, Crossing, ResponseFit
 from rigs.result import Plot, Series, series
 
 _PUBLISHED_S = 0.1

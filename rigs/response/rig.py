@@ -18,9 +18,9 @@ from __future__ import annotations
 from rigs.bench import Bench, BenchOptions
 from rigs.fitting import noise_sd
 from rigs.instruments import LoadCell, Stage
-from rigs.pull_faults import clamp_fault, no_force
-from rigs.response_fit import ResponseRecord, Step, fit_response
-from rigs.response_plots import response_plots
+from rigs.pull.faults import clamp_fault, no_force
+from rigs.response.fit import ResponseRecord, Step, fit_response
+from rigs.response.plots import response_plots
 from rigs.result import Answer, Fault, Measured, Measurement, RigResult
 from rigs.tester import FRAME, arm, bench_faults, spare_the_cell
 

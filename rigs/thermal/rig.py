@@ -21,11 +21,12 @@ import numpy as np
 from haptics.errors import LimitError
 from haptics.time import NS_PER_S, seconds_to_ns
 from rigs.bench import Bench, BenchOptions
+from rigs.coil_current import LEAST_DIP, MOST_DIP, PulseRecord, currents, meeting_telemetry, tells_motion
 from rigs.fitting import Vector, noise_sd
 from rigs.instruments import Samples, Thermocouple
 from rigs.result import Answer, Fault, Measured, Measurement, RigResult
-from rigs.thermal_fit import HeatFit, PulseRecord, fit_heat
-from rigs.thermal_plots import heat_plots
+from rigs.thermal.fit import HeatFit, fit_heat
+from rigs.thermal.plots import heat_plots
 
 NAME = "thermal"
 BOARD = "tactiles"
@@ -41,10 +42,7 @@ REST_S, HEAT_S, COOL_S = 20.0, 360.0, 360.0
 SWITCHES_HZ = 2.0
 PULSE_S = 10e-3
 HOTTEST_K = 50.0
-_TELEMETRY_S = 20e-3
 _GOLDEN = 0.6180339887498949
-_ON_A = 0.3
-"""Telemetry above this current saw a pulse: a tenth of what a coil draws, and far more than a board draws without."""
 
 MEASUREMENTS = {
     "noise_k": Measurement("noise_k", "K", 0.0, 0.25, "noise of the thermocouple at rest; more: it is loose"),
@@ -52,7 +50,9 @@ MEASUREMENTS = {
     "reduced_chi2": Measurement("reduced_chi2", "1", 0.0, 1.5, "first-order heating describes the curve"),
     "current_a": Measurement("current_a", "A", 2.0, 5.0, "mean current of a pulse; a coil draws 3.6 A (3.4.3)"),
     "rise_k": Measurement("rise_k", "K", 3.0, HOTTEST_K, "rise at the end of heating"),
-    "landing_dip": Measurement("landing_dip", "1", 0.0015, 0.05, "share of the current that motion takes before the pin lands"),
+    "landing_dip": Measurement(
+        "landing_dip", "1", LEAST_DIP, MOST_DIP, "share of the current that motion takes before the pin lands"
+    ),
 }
 
 
@@ -92,20 +92,20 @@ def run(options: BenchOptions) -> RigResult:
             return RigResult(NAME, faults=tuple(faults))
         pulses = _pulses(bench, heat_ns)
         record = ThermalRun(start_ns, heat_ns, pulses, bench.samples("thermocouple"), words)
-    return evaluate(record, simulated_event_level=_event_level(options))
+    return evaluate(record, tells_motion(options))
 
 
-def evaluate(record: ThermalRun, simulated_event_level: bool = False) -> RigResult:
+def evaluate(record: ThermalRun, motion_shows: bool = True) -> RigResult:
     """Faults, or the fit, from what was recorded.
 
-    :param simulated_event_level: the board is simulated at a level whose coils draw a constant current, which hides a stuck pin.
+    :param motion_shows: the current tells whether the pin moves; on a board simulated at level event it does not.
     """
     seconds = record.temperatures.since(record.start_ns)
     celsius = record.temperatures.column()
     noise_k = noise_sd(celsius[seconds < REST_S])
     current_a, dip = record.pulses.mean_current_a, record.pulses.landing_dip
     measured = [Measured(MEASUREMENTS["noise_k"], noise_k), Measured(MEASUREMENTS["current_a"], current_a)]
-    if not simulated_event_level:
+    if motion_shows:
         measured.append(Measured(MEASUREMENTS["landing_dip"], dip))
     faults = _faults_before_fit(measured, celsius, seconds, record)
     if faults:
@@ -150,35 +150,16 @@ def _heat(bench: Bench, base_c: float | None) -> tuple[int, int]:
         if k % 60 == 0:
             bench.options.progress(f"thermal: heating, {k / SWITCHES_HZ:.0f} of {HEAT_S:.0f} s")
         bench.wait_until(first_ns + k * spacing_ns - seconds_to_ns(0.1))
-        at_ns = _meeting_telemetry(bench, first_ns + k * spacing_ns, PULSE_S * ((k * _GOLDEN) % 1.0))
+        at_ns = meeting_telemetry(bench, first_ns + k * spacing_ns, PULSE_S * ((k * _GOLDEN) % 1.0))
         bench.pulse([channel], at_ns, PULSE_S, toward_skin=k % 2 == 0)
     bench.wait(0.2)
     bench.watch = None
     return first_ns, first_ns + count * spacing_ns
 
 
-def _meeting_telemetry(bench: Bench, near_ns: int, phase_s: float) -> int:
-    """A time close to ``near_ns`` for a pulse to begin, such that telemetry comes ``phase_s`` into it."""
-    if not bench.telemetry:
-        return near_ns
-    period_ns = seconds_to_ns(_TELEMETRY_S)
-    begin_ns = bench.telemetry[-1][0] - seconds_to_ns(phase_s)
-    return begin_ns + round((near_ns - begin_ns) / period_ns) * period_ns
-
-
 def _pulses(bench: Bench, heat_ns: tuple[int, int]) -> PulseRecord:
-    seen = [
-        (time_ns, message.current * 1e-3, message.supply * 1e-3)
-        for time_ns, message in bench.telemetry
-        if message.current * 1e-3 > _ON_A
-    ]
     starts_ns = [at_ns for at_ns in bench.pulsed_ns if heat_ns[0] - NS_PER_S < at_ns < heat_ns[1]]
-    return PulseRecord.of(starts_ns, PULSE_S, seen)
-
-
-def _event_level(options: BenchOptions) -> bool:
-    url = options.board_url(BOARD)
-    return url.startswith("sim://") and ("level=event" in url or options.level == "event")
+    return PulseRecord.of(starts_ns, PULSE_S, currents(bench))
 
 
 def _faults_before_fit(measured: list[Measured], celsius: Vector, seconds: Vector, record: ThermalRun) -> list[Fault]:

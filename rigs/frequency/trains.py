@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 
 from haptics.time import seconds_to_ns
 from rigs.bench import Bench
+from rigs.coil_current import meeting_telemetry
 from rigs.fitting import Vector, quadrature
 from rigs.instruments import Samples
-from rigs.landings import LOUD_SDS, RATE_SD, Trace, meeting_telemetry, traces
+from rigs.landings import LOUD_SDS, RATE_SD, Trace, traces
 from rigs.result import Quantity
 
 GAP_S = 50e-6

@@ -10,11 +10,11 @@ from haptics.physics.brake_drive import DRIVE, Charging, DriveParameters, eq44_p
 from haptics.physics.brake_parameters import BRAKE, capacitance_f, overlap_sensitivity_f_per_m
 from rigs.fitting import Vector
 from rigs.result import Plot, Series, series
-from rigs.supply_curves import crossing_s
+from rigs.supply.curves import crossing_s
 
 if TYPE_CHECKING:
-    from rigs.supply_faults import SupplyRun
-    from rigs.supply_fit import SupplyFit
+    from rigs.supply.faults import SupplyRun
+    from rigs.supply.fit import SupplyFit
 
 _PUBLISHED_CHARGE_S, _PUBLISHED_V = 50e-3, 1500.0
 _PUBLISHED_POWER_W, _PUBLISHED_SD_W, _PUBLISHED_HZ = 0.057, 0.5e-3, 20.0  # half of the last digit printed

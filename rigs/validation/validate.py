@@ -20,9 +20,9 @@ from rigs.catalogue import RIGS, rig
 from rigs.characterize import Characterisation, gathered, run_one
 from rigs.comparison import Row, compare, compared, not_met
 from rigs.judge import Judgement, judge
-from rigs.model_numbers import EXPLAINED, model_numbers
 from rigs.result import Answer, RigResult
-from rigs.unanswered import UNANSWERED
+from rigs.validation.model_numbers import EXPLAINED, model_numbers
+from rigs.validation.unanswered import UNANSWERED
 
 
 @dataclass(frozen=True)
