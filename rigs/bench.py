@@ -135,7 +135,7 @@ class Bench:
             shared = {**_query(url), "channel": options.channel}
             for kind in instruments:
                 self._open(kind, {key: shared[key] for key in ("world", "channel") if key in shared})
-            self._start_recording(rig, url, instruments, plot)
+            self._start_recording(rig, instruments, plot)
             self._meet_instruments()
         except BaseException:
             self._close(failed=True)
@@ -311,7 +311,7 @@ class Bench:
             self.instruments[kind.kind] = one
 
     def _start_recording(
-        self, rig: str, url: str, instruments: Sequence[type[SampleStream] | type[Stage]], plot: tuple[str, str] | None
+        self, rig: str, instruments: Sequence[type[SampleStream] | type[Stage]], plot: tuple[str, str] | None
     ) -> None:
         if self.options.record is None:
             return
@@ -319,8 +319,8 @@ class Bench:
             **provenance(),
             "title": rig,
             "rig": rig,
-            "port": url,
-            "instruments": {one.kind: one.url for one in (*self.instruments.values(), self._stage) if one is not None},
+            "port": self.options.board_url(self.board),  # as asked for: the name of a simulated world means nothing later
+            "instruments": {kind.kind: self.options.instruments.get(kind.kind, f"sim://{kind.kind}") for kind in instruments},
             "level": self.options.level,
             "seed": self.options.seed,
             "channel": self.options.channel,
