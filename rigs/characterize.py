@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor
 from dataclasses import dataclass, replace
@@ -13,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from haptics.cli.show import plain
 from haptics.errors import InputError
 from haptics.recording.output import refuse_existing, replacing
 from haptics.session.recorder import provenance
@@ -114,7 +114,7 @@ def characterize(
     if out is not None:
         _make_folder(out, name, options.force)
     jobs = [_job(name, options, out, k, devices) for k in range(devices)]
-    results = (chosen.run(jobs[0]),) if devices == 1 else _run_all(name, jobs, executor, options.progress)
+    results = (chosen.run(jobs[0]),) if devices == 1 else run_jobs([(name, job) for job in jobs], executor, options.progress)
     done = gathered(name, options, results)
     if out is None:
         return done
@@ -134,6 +134,27 @@ def gathered(name: str, options: BenchOptions, results: tuple[RigResult, ...]) -
 def run_one(name: str, options: BenchOptions) -> RigResult:
     """One rig on one device; a function with a name, so that another process can be told to."""
     return rig(name).run(options)
+
+
+def run_jobs(
+    jobs: Sequence[tuple[str, BenchOptions]], executor: Executor | None, progress: Callable[[str], None]
+) -> tuple[RigResult, ...]:
+    """Rigs by name, each on its own bench, side by side; results in the order of the jobs.
+
+    :param executor: a pool of processes if None. :param progress: told of each job; the benches themselves say nothing.
+    :raises HapticsError: a bench failed; jobs that have not begun are left out.
+    """
+    pool = executor or ProcessPoolExecutor(mp_context=get_context("spawn"))
+    try:
+        futures = [pool.submit(run_one, name, replace(job, progress=BenchOptions().progress)) for name, job in jobs]
+        results = []
+        for (name, _), future in zip(jobs, futures, strict=True):
+            progress(f"{name}, {len(results) + 1} of {len(jobs)}")
+            results.append(future.result())
+        return tuple(results)
+    finally:
+        if executor is None:
+            pool.shutdown(cancel_futures=True)
 
 
 def summary_blocks(done: Characterisation) -> list[Block]:
@@ -174,23 +195,6 @@ def _job(name: str, options: BenchOptions, out: Path | None, k: int, devices: in
     stem = name if devices == 1 else f"{name}-{k}"
     record = None if out is None else out / f"{stem}.h5"
     return replace(options, seed=options.seed + k, record=record)
-
-
-def _run_all(
-    name: str, jobs: Sequence[BenchOptions], executor: Executor | None, progress: Callable[[str], None]
-) -> tuple[RigResult, ...]:
-    quiet = [replace(job, progress=BenchOptions().progress) for job in jobs]
-    pool = executor or ProcessPoolExecutor(mp_context=get_context("spawn"))
-    try:
-        futures = [pool.submit(run_one, name, job) for job in quiet]
-        results = []
-        for k, future in enumerate(futures):
-            progress(f"{name}: device {k + 1} of {len(jobs)}")
-            results.append(future.result())
-        return tuple(results)
-    finally:
-        if executor is None:
-            pool.shutdown(cancel_futures=True)
 
 
 def _over_devices(results: Sequence[RigResult]) -> dict[str, Quantity]:
@@ -251,7 +255,7 @@ def _write(done: Characterisation, out: Path, force: bool) -> list[Path]:
     files.append(out / f"{name}.html")
     files.append(out / f"{name}.json")
     with replacing(files[-1], force) as partial:
-        data = finite(replace(done, files=tuple(sorted(out.glob(f"{name}*.h5"))) + tuple(files)).to_json())
+        data = plain(replace(done, files=tuple(sorted(out.glob(f"{name}*.h5"))) + tuple(files)).to_json())
         partial.write_text(json.dumps(data, indent=1, allow_nan=False) + "\n", encoding="utf-8")
     return files
 
@@ -273,14 +277,3 @@ def made_with() -> dict[str, Any]:
 
 def _kept(within: bool) -> str:
     return "yes" if within else "no"
-
-
-def finite(value: Any) -> Any:
-    """Plain data; what is not finite becomes null."""
-    if isinstance(value, Mapping):
-        return {str(key): finite(one) for key, one in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [finite(one) for one in value]
-    if hasattr(value, "tolist"):
-        return finite(value.tolist())
-    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -20,7 +20,7 @@ from rigs.bench import Bench, BenchOptions
 from rigs.fitting import noise_sd
 from rigs.instruments import LoadCell, Stage
 from rigs.pull.faults import fit_faults
-from rigs.pull.fit import fit_pulls
+from rigs.pull.fit import TABLE_V, fit_pulls
 from rigs.pull.plots import pull_plots
 from rigs.pull.record import OnePull, PullRecord
 from rigs.result import Answer, Measured, Measurement, RigResult
@@ -29,8 +29,12 @@ from rigs.tester import FRAME, arm, bench_faults, spare_the_cell
 NAME = "pull"
 BOARD = "brake"
 INSTRUMENTS = (LoadCell, Stage)
-PUBLISHED = {"plateau_1500_n": Answer("pull_force"), "off_force_n": Answer("off_force")}
-"""Quantity here, number of the reference it answers."""
+PUBLISHED = {
+    "plateau_1500_n": Answer("pull_force"),
+    **{f"plateau_{volts:.0f}_n": Answer("force_index", at=volts) for volts in TABLE_V},
+    "off_force_n": Answer("off_force"),
+}
+"""Quantity here, number or point of the reference it answers: those of the index's brake."""
 VOLTS = (0.0, 250.0, 500.0, 750.0, 1000.0, 1250.0, 1500.0)
 WAY_M = 10e-3
 SLOW_M_S, SLOW_HZ = 1e-3, 10.0

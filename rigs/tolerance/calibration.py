@@ -5,8 +5,8 @@ measured               the host uses it for                          where it go
 =====================  ============================================  =====================================================
 tau, c, power          the heat account of an actuator               ``glove.toml``, ``tactiles.calibration`` of the site
 travel each way        the lead with which a pin is sent             nowhere: ``session`` takes one lead for all actuators
-k, threshold           volts for a force                             a brake's own calibration, once ``glove.toml`` has it
-capacitance            how long a brake takes to close               the same
+k, threshold           volts for a force                             a brake's own calibration in ``glove.toml``
+capacitance            how long a brake takes to close               nowhere yet
 =====================  ============================================  =====================================================
 """
 

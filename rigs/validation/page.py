@@ -6,9 +6,10 @@ import json
 from collections.abc import Sequence
 from pathlib import Path
 
+from haptics.cli.show import plain
 from haptics.errors import InputError
 from haptics.recording.output import refuse_existing, replacing
-from rigs.characterize import finite, made_with, published_table, summary_blocks
+from rigs.characterize import made_with, published_table, summary_blocks
 from rigs.judge import Judgement
 from rigs.reference import contradictions
 from rigs.report import Block, Page, render_page
@@ -41,7 +42,7 @@ def write_validation(found: Validation, out: Path, force: bool) -> list[Path]:
     with replacing(page, force) as partial:
         partial.write_text(render_page(validation_page(found)), encoding="utf-8")
     with replacing(data, force) as partial:
-        partial.write_text(json.dumps(finite(found.to_json()), indent=1, allow_nan=False) + "\n", encoding="utf-8")
+        partial.write_text(json.dumps(plain(found.to_json()), indent=1, allow_nan=False) + "\n", encoding="utf-8")
     return [page, data]
 
 

@@ -10,17 +10,16 @@ from __future__ import annotations
 import shutil
 from collections import Counter
 from collections.abc import Callable, Sequence
-from concurrent.futures import Executor, ProcessPoolExecutor
+from concurrent.futures import Executor
 from dataclasses import asdict, dataclass, replace
-from multiprocessing import get_context
 from typing import Any
 
 from rigs.bench import BenchOptions
 from rigs.catalogue import RIGS, rig
-from rigs.characterize import Characterisation, gathered, run_one
+from rigs.characterize import Characterisation, gathered, run_jobs
 from rigs.comparison import Row, compare, compared, not_met
 from rigs.judge import Judgement, judge
-from rigs.result import Answer, RigResult
+from rigs.result import Answer
 from rigs.validation.model_numbers import EXPLAINED, model_numbers
 from rigs.validation.unanswered import UNANSWERED
 
@@ -78,25 +77,11 @@ def validate(
     """
     chosen = [rig(name) for name in rigs]
     jobs = [(one.NAME, replace(options, seed=options.seed + k, record=None)) for one in chosen for k in range(devices)]
-    results = _run(jobs, executor, progress)
-    done = tuple(gathered(one.NAME, options, tuple(results[k * devices : (k + 1) * devices])) for k, one in enumerate(chosen))
+    results = run_jobs(jobs, executor, progress)
+    done = tuple(gathered(one.NAME, options, results[k * devices : (k + 1) * devices]) for k, one in enumerate(chosen))
     progress("ngspice")
     judgements = None if shutil.which("ngspice") is None else tuple(judge(quick=True, progress=progress))
     return Validation(tuple(_rows(done, rigs)), done, judgements)
-
-
-def _run(jobs: Sequence[tuple[str, BenchOptions]], executor: Executor | None, progress: Callable[[str], None]) -> list[RigResult]:
-    pool = executor or ProcessPoolExecutor(mp_context=get_context("spawn"))
-    try:
-        futures = [pool.submit(run_one, name, job) for name, job in jobs]
-        results = []
-        for (name, _), future in zip(jobs, futures, strict=True):
-            progress(f"validate: {name}, {len(results) + 1} of {len(jobs)}")
-            results.append(future.result())
-        return results
-    finally:
-        if executor is None:
-            pool.shutdown(cancel_futures=True)
 
 
 def _rows(done: Sequence[Characterisation], rigs: Sequence[str]) -> list[Row]:
