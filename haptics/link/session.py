@@ -55,6 +55,7 @@ class LinkSession:
     :param board: the board expected, or None to take whichever answers.
     :param port_name: how errors name the port.
     :param limits: four stricter limits to configure, in the order of ``identity.limits``, or None.
+    :param baud: of the line, 0 if nobody knows; see ``ClockExchanges``.
     :param tap: called with ``(time_ns, "in" | "out", bytes)`` for every byte both ways.
     """
 
@@ -67,9 +68,11 @@ class LinkSession:
         *,
         settings: LinkSettings | None = None,
         limits: Sequence[int] | None = None,
+        baud: int = 0,
         tap: Tap | None = None,
     ):
         self.expected, self.port_name, self.tap = board, port_name, tap
+        self._baud = baud
         self.settings = settings or LinkSettings()
         self._limits = encode("configure", tuple(limits)) if limits is not None else None
         self._events: deque[happened.Event] = deque()
@@ -96,7 +99,7 @@ class LinkSession:
         self._out: list[bytes] = []
         self._deframer = Deframer()
         self._window = CommandWindow(self.port_name, s.in_flight, s.reply_timeout_ns, s.tries)
-        self._exchanges = ClockExchanges(s, self.counters)
+        self._exchanges = ClockExchanges(s, self.counters, self._baud)
         self._inquiry = handshake.Inquiry(s.identify_every_ns, s.identify_tries)
         self._last_sent_ns = 0
         self._armed_ticks = 0
@@ -333,7 +336,7 @@ class LinkSession:
         self.phase = Phase.SYNCING
         self._inquiry.end()
         self._configuring = None
-        self._exchanges = ClockExchanges(self.settings, self.counters)
+        self._exchanges = ClockExchanges(self.settings, self.counters, self._baud)
         self._exchanges.begin(now_ns)
         self._tell(happened.Identified(now_ns, self.identity))
 

@@ -2,28 +2,42 @@
 
 from __future__ import annotations
 
-from haptics.link.clock import ClockModel
+from haptics.link.clock import ClockModel, signed_ticks
 from haptics.link.commands import NEVER_NS
 from haptics.link.framing import encode_frame
-from haptics.link.messages import BY_NAME, encode
+from haptics.link.messages import BY_NAME, TICK_HZ, encode, payload_size
 from haptics.link.settings import LinkCounters, LinkSettings
+from haptics.time import NS_PER_S
 
 UNMEASURED = "the board's clock was not measured yet"
+BITS_PER_BYTE = 10
+_SHORTEST = 0.97  # of a byte's time at the nominal baud: no receiver follows a sender that is faster yet
 _SYNC = BY_NAME["sync"].type
+_FRAMING = 6  # type, number, checksum, stuffing, delimiter
+_ASKED, _ANSWERED = (payload_size(name) + _FRAMING for name in ("sync", "sync_reply"))
 
 
 class ClockExchanges:
-    """The sequence of ``sync`` and ``sync_reply`` with one boot of one board."""
+    """The sequence of ``sync`` and ``sync_reply`` with one boot of one board.
 
-    def __init__(self, settings: LinkSettings, counters: LinkCounters):
+    :param baud: of the line, 0 if nobody knows. Question and answer differ in length, so that their middle is not the middle of
+        the exchange; what each takes at least on the line is known, and is cut off the interval. A line that is quicker than its
+        baud (a USB device without any serial line behind it) is found out by its first exchange, and then believed no more.
+    """
+
+    def __init__(self, settings: LinkSettings, counters: LinkCounters, baud: int = 0):
         self._settings, self._counters = settings, counters
-        self.model = ClockModel(settings.rate_tolerance, settings.drift, settings.jitter_s)
+        self._byte_ns = int(_SHORTEST * BITS_PER_BYTE * NS_PER_S / baud) if baud else 0
+        self.model = self._new_model()
         self.due_ns = NEVER_NS
         self.missed = 0
         self._token = 0
         self._sent_ns: int | None = None
         self._left = 0
         self._gap_ns = settings.sync_first_gap_ns
+
+    def _new_model(self) -> ClockModel:
+        return ClockModel(self._settings.rate_tolerance, self._settings.drift, self._settings.jitter_s)
 
     def uncertain(self, host_ns: int) -> str | None:
         """Why nothing may be scheduled at ``host_ns``, or None."""
@@ -62,7 +76,7 @@ class ClockExchanges:
             self._counters.stray_replies += 1
             return None
         asked_ns, self._sent_ns, self.missed = self._sent_ns, None, 0
-        fits = self.model.add(asked_ns, received, sent, now_ns)
+        fits = self._learn(asked_ns, received, sent, now_ns)
         self._left = max(self._left - 1, 0)
         if self._left:
             self.due_ns = now_ns
@@ -72,3 +86,10 @@ class ClockExchanges:
         if not fits:
             self._counters.clock_contradictions += 1
         return fits
+
+    def _learn(self, asked_ns: int, received: int, sent: int, now_ns: int) -> bool:
+        turn_ns = signed_ticks(sent, received) * NS_PER_S // TICK_HZ
+        if self._byte_ns and now_ns - asked_ns - turn_ns < (_ASKED + _ANSWERED) * self._byte_ns:
+            self._byte_ns = 0
+            self.model = self._new_model()
+        return self.model.add(asked_ns + _ASKED * self._byte_ns, received, sent, now_ns - _ANSWERED * self._byte_ns)

@@ -128,7 +128,7 @@ class Glove:
             if wire_tap is not None:
                 wire_tap(name, time_ns, direction == "out", data)
 
-        return Link(port, LinkSession(Board[name.upper()], part.port, tap=tap))
+        return Link(port, LinkSession(Board[name.upper()], part.port, baud=part.baud, tap=tap))
 
     def _tactiles_driver(self, part: TactilesConfiguration) -> TactilesDriver:
         budgets, powers = [], []

@@ -120,6 +120,34 @@ def test_virtual_connect_and_a_command():
     assert not port.board.armed
 
 
+@pytest.mark.parametrize("skew", [-5e-5, 0.0, 5e-5])
+def test_the_lines_own_time_is_no_part_of_the_clocks_error(skew):
+    """Question and answer take 200 and 360 us at 500 kbaud: 80 us off the middle, which a host that knows the baud takes out."""
+    errors_us = {}
+    for baud in (0, 500_000):
+        port = DoublePort(BoardDouble(skew=skew))
+        link = Link(port, LinkSession(Board.TACTILES, "double", baud=baud))
+        runner = VirtualRunner([link])
+        connect(runner)
+        runner.run_until(2_000 * MS)
+        off_ticks = (link.to_ticks(runner.now_ns()) - port.board.ticks(runner.now_ns()) + 2**31) % 2**32 - 2**31
+        errors_us[baud] = abs(off_ticks) / 2
+        assert errors_us[baud] <= link.clock.error_bound_s(runner.now_ns()) * 1e6 + 0.5
+    assert errors_us[0] == pytest.approx(80, abs=5)
+    assert errors_us[500_000] < 5
+
+
+def test_a_line_quicker_than_its_baud_is_found_out_and_the_bound_still_holds():
+    port = DoublePort(BoardDouble())
+    link = Link(port, LinkSession(Board.TACTILES, "double", baud=115_200))
+    runner = VirtualRunner([link])
+    connect(runner)
+    runner.run_until(2_000 * MS)
+    off_ticks = (link.to_ticks(runner.now_ns()) - port.board.ticks(runner.now_ns()) + 2**31) % 2**32 - 2**31
+    assert abs(off_ticks) / 2e6 <= link.clock.error_bound_s(runner.now_ns()) + 1e-6
+    assert link.session.counters.clock_contradictions == 0
+
+
 def test_two_boards_in_one_world_and_one_in_its_own():
     world = World()
     shared = [DoublePort(BoardDouble(boot_id=1), world), DoublePort(BoardDouble(boot_id=2), world)]
