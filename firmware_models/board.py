@@ -8,12 +8,11 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
-import numpy as np
-
+from firmware_models.boot import Boots
 from firmware_models.options import Option
-from firmware_models.ticks import TickCounter, signed_difference
+from firmware_models.ticks import signed_difference
 from firmware_models.uart import NEVER_NS, Line
 from haptics.link.framing import Deframer, Frame, encode_frame
 from haptics.link.messages import (
@@ -38,18 +37,8 @@ TELEMETRY_PERIOD_NS = 20 * NS_PER_MS
 TELEMETRY_SHARE = 0.4
 FARTHEST_TICKS = TICK_HZ  # commands may lie one second ahead
 WHOLE_BOARD = 255  # the channel of a fault that has none
-LIVE = (State.SELF_TEST, State.ARMED, State.DRIVING, State.DISCHARGING)
 _TURN_AROUND_NS = (20_000, 60_000)
-_CRYSTAL_PPM = 50.0
 _U16 = 0xFFFF
-
-BOARD_OPTIONS: dict[str, Option] = {
-    "seed": Option(1, "boot id, clock and plant are drawn from it", low=0, high=2**32 - 1, whole=True),
-    "baud": Option(500_000, "what the board's UART is set to", "baud", 300, 4_000_000, whole=True),
-    "ppm": Option(None, f"error of the board's crystal; default drawn within {_CRYSTAL_PPM:g}", "ppm", -1000, 1000),
-    "tick_offset": Option(None, "tick count at power-on; default drawn", "tick", 0, 2**32 - 1, whole=True),
-    "spread": Option(1.0, "how far the plant strays from its nominal parameters; 0: not at all", "", 0, 3),
-}
 
 
 class Refusal(Exception):
@@ -57,6 +46,14 @@ class Refusal(Exception):
 
     def __init__(self, status: Status, detail: int = 0):
         self.status, self.detail = status, min(detail, _U16)
+
+
+class Trip(NamedTuple):
+    """A guard that fired."""
+
+    fault: Fault
+    channel: int
+    value: int
 
 
 class FirmwareModel:
@@ -85,37 +82,47 @@ class FirmwareModel:
         raise NotImplementedError
 
     def __init__(self, options: Mapping[str, Any], transmitter: Line, start_ns: int):
-        clock_seed, latency_seed, plant_seed = np.random.SeedSequence([options["seed"], self.kind]).spawn(3)
-        clock = np.random.default_rng(clock_seed)
-        offset, ppm = int(clock.integers(2**32)), float(clock.uniform(-_CRYSTAL_PPM, _CRYSTAL_PPM))
-        self.boot_id = int(clock.integers(1, 2**32))
-        self.plant_rng = np.random.default_rng(plant_seed)
-        self._latency_rng = np.random.default_rng(latency_seed)
-        self.ticks = TickCounter(
-            start_ns,
-            offset if options["tick_offset"] is None else options["tick_offset"],
-            round(1000 * (ppm if options["ppm"] is None else options["ppm"])),
-        )
+        self._options = options
+        self._boots = Boots(options, self.kind)
+        self.plant_rng, self._latency_rng = self._boots.plant_rng, self._boots.latency_rng
         self.start_ns = self.now_ns = start_ns
-        self.limits = list(self.built_limits(options))
-        self.state = State.DISARMED
-        self.faults = 0
-        self.late = 0
         self._line = transmitter
-        self._deframer = Deframer()
-        self._answered: OrderedDict[int, tuple[int, bytes, bytes]] = OrderedDict()
-        self._fed_ns = start_ns
-        self._unsolicited_seq = 0
-        self._telemetry_ns = NEVER_NS
-        self._telemetry_allowed_ns = start_ns
         self._next_ns = NEVER_NS
+        self._power_on()
         self._commands: dict[str, Callable[[Any], int]] = {
             "configure": self._configure,
             "arm": self._arm,
             "disarm": self._disarm,
             "stop": self._stop,
-            "keepalive": lambda message: 0,
         }
+
+    def _power_on(self) -> None:
+        """A new clock, a new id, and nothing remembered."""
+        self.ticks, self.boot_id = self._boots.power_on(self.now_ns)
+        self.limits = list(self.built_limits(self._options))
+        self.state = State.DISARMED
+        self.faults = 0
+        self.late = 0
+        self._deframer = Deframer()
+        self._answered: OrderedDict[int, bytes] = OrderedDict()
+        self._fed_ns = self.now_ns
+        self._unsolicited_seq = 0
+        self._telemetry_ns = NEVER_NS
+        self._telemetry_allowed_ns = self.now_ns
+
+    def brown_out(self) -> None:
+        """The CPU's supply breaks down for a moment: outputs off at once, a reboot, and the fault latched that says why."""
+        self.reset()
+        self.faults, self.state = 1 << Fault.BROWN_OUT, State.FAULT
+        self.replan()
+
+    def reset(self) -> None:
+        """The CPU's reset line is pulled, as opening a port does by DTR: outputs off at once, and a reboot."""
+        self._outputs_off()
+        self._line.drop_unsent(self.now_ns)
+        self._power_on()
+        self._forget()
+        self.replan()
 
     # What a subclass provides.
 
@@ -129,6 +136,10 @@ class FirmwareModel:
 
     def _outputs_off(self) -> None:
         """Nothing energised, queue empty; at once."""
+        raise NotImplementedError
+
+    def _forget(self) -> None:
+        """After a reboot: what else was in memory."""
         raise NotImplementedError
 
     def _begin_arming(self) -> None:
@@ -147,13 +158,21 @@ class FirmwareModel:
         """The plant as it is now."""
         raise NotImplementedError
 
-    def set_load(self, channel: int, **load: float) -> None:
+    def _act(self, channel: int, load: Mapping[str, float]) -> None:
         """Act on the plant from outside."""
         raise NotImplementedError
 
     def energised(self) -> list[int]:
         """Channels that carry current or dangerous volts now."""
         raise NotImplementedError
+
+    def set_load(self, channel: int, **load: float) -> None:
+        """Act on the hardware from outside: what the plant's ``load`` takes; and ``brown_out``, not 0: see there."""
+        browned_out = load.pop("brown_out", 0)
+        self._act(channel, load)
+        if browned_out:
+            self.brown_out()
+        self.replan()
 
     # Time.
 
@@ -178,45 +197,54 @@ class FirmwareModel:
         self._next_ns = min(self._telemetry_ns, self._dead_man_ns(), self._next_output_ns())
 
     def _dead_man_ns(self) -> int:
-        return self._fed_ns + DEAD_MAN_MS * NS_PER_MS if self.state in LIVE else NEVER_NS
+        return self._fed_ns + DEAD_MAN_MS * NS_PER_MS if self.armed else NEVER_NS
+
+    @property
+    def armed(self) -> bool:
+        """From arm until made safe."""
+        return self.state in (State.SELF_TEST, State.ARMED, State.DRIVING)
 
     # Bytes.
 
     def handle(self, data: bytes) -> None:
         """Take bytes that have just come in."""
         for frame in self._deframer.feed(data):
-            self._fed_ns = self.now_ns
             self._take(frame)
         self.replan()
 
     def _take(self, frame: Frame) -> None:
+        """Answer a frame. One whose number is kept is a repetition, whatever is in it, and gets the reply of the first time."""
         message = BY_TYPE.get(frame.type)
-        if message is None or message.sender != "host" or self.kind not in message.boards:
-            self._send(self._reply_to(frame.seq, Status.UNKNOWN, 0))
-        elif len(frame.payload) != payload_size(message.name):
-            self._send(self._reply_to(frame.seq, Status.BAD_LENGTH, payload_size(message.name)))
-        elif message.name == "identify":
+        if message is not None and (message.sender != "host" or self.kind not in message.boards):
+            message = None
+        name = message.name if message is not None and len(frame.payload) == payload_size(message.name) else ""
+        if name:
+            self._fed_ns = self.now_ns
+        if name == "identify":
             self._identify(frame.seq)
-        elif message.name == "sync":
+        elif frame.seq in self._answered:
+            self._send(self._answered[frame.seq])
+        elif name == "sync":
             self._sync(frame.seq, decode("sync", frame.payload).token)
-        else:
-            self._command(frame, message.name)
+        elif name in self._commands:
+            self._answer(frame.seq, *self._carry_out(name, frame.payload))
+        elif name != "keepalive":
+            self._answer(frame.seq, Status.UNKNOWN if message is None else Status.BAD_LENGTH, 0)
 
-    def _command(self, frame: Frame, name: str) -> None:
-        """Carry out a command once; a repetition gets the reply of the first time."""
-        known = self._answered.get(frame.seq)
-        if known is not None and known[:2] == (frame.type, frame.payload):
-            self._send(known[2])
-            return
+    def _carry_out(self, name: str, payload: bytes) -> tuple[Status, int]:
         try:
-            reply = self._reply_to(frame.seq, Status.OK, self._commands[name](decode(name, frame.payload)))
+            return Status.OK, self._commands[name](decode(name, payload))
         except Refusal as refusal:
             self.late += refusal.status == Status.LATE
-            reply = self._reply_to(frame.seq, refusal.status, refusal.detail)
-        self._answered.pop(frame.seq, None)
-        self._answered[frame.seq] = (frame.type, frame.payload, reply)
-        if len(self._answered) > REMEMBERED_REPLIES:
-            self._answered.popitem(last=False)
+            return refusal.status, refusal.detail
+
+    def _answer(self, seq: int, status: Status, detail: int) -> None:
+        """Reply to a command, and keep the reply if it has a number."""
+        reply = self._reply_to(seq, status, detail)
+        if seq:
+            self._answered[seq] = reply
+            if len(self._answered) > REMEMBERED_REPLIES:
+                self._answered.popitem(last=False)
         self._send(reply)
 
     def _reply_to(self, seq: int, status: Status, detail: int) -> bytes:
@@ -277,8 +305,8 @@ class FirmwareModel:
     # Commands both boards know.
 
     def _configure(self, message: Any) -> int:
-        if self.state in (State.SELF_TEST, State.ARMED, State.DRIVING):
-            raise Refusal(Status.INTERLOCK, self.faults)
+        if self.armed:
+            raise Refusal(Status.INTERLOCK)
         for index, (wanted, present) in enumerate(zip(message.limits, self.limits, strict=True)):
             if wanted < present if index in self.stricter_upward else wanted > present:
                 raise Refusal(Status.BAD_VALUE, 0)
@@ -290,7 +318,7 @@ class FirmwareModel:
             raise Refusal(Status.BAD_VALUE, 0)
         if self.faults:
             raise Refusal(Status.INTERLOCK, self.faults)
-        if self.state not in (State.SELF_TEST, State.ARMED, State.DRIVING):
+        if not self.armed:
             self._begin_arming()
         return 0
 
@@ -322,7 +350,8 @@ class FirmwareModel:
             self._send_unsolicited("fault", self.ticks.u32(self.now_ns), fault, channel, min(max(value, 0), _U16))
 
     def _require_armed(self) -> None:
-        if self.state not in (State.ARMED, State.DRIVING):
+        """A timed command needs a board that is armed and has tested itself."""
+        if not self.armed or self.state == State.SELF_TEST:
             raise Refusal(Status.INTERLOCK, self.faults)
 
     def _due(self, tick: int) -> int:
@@ -335,5 +364,5 @@ class FirmwareModel:
         if ahead < 0:
             raise Refusal(Status.LATE, -ahead // 32)
         if ahead > FARTHEST_TICKS:
-            raise Refusal(Status.FAR, (ahead - FARTHEST_TICKS) // 32)
+            raise Refusal(Status.FAR)
         return present + ahead

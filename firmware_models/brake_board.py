@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 
 from firmware_models.board import WHOLE_BOARD, FirmwareModel, Refusal
 from firmware_models.brake_guards import Guards
-from firmware_models.brake_plant import PLANT_OPTIONS, Brakes
+from firmware_models.brake_plant import DISCHARGED_VOLTS, PLANT_OPTIONS, Brakes
 from firmware_models.brake_self_test import Measured, SelfTest
 from firmware_models.options import Option
 from firmware_models.uart import NEVER_NS, Line
@@ -37,7 +37,6 @@ LOWEST_FREQUENCY_DHZ = 5  # a reversal at least each second keeps charge out of 
 LONGEST_TTL_MS = 2000
 QUEUE_DEPTH = 8
 TOUCHABLE_VOLTS = 42.4
-DISCHARGED_VOLTS = 60.0
 DISCHARGE_NS = 5 * NS_PER_MS
 """From any volts to below 60 V; longer latches a fault."""
 RESTART_NS = 2 * NS_PER_MS
@@ -103,7 +102,7 @@ class BrakeBoard(FirmwareModel):
     # Commands.
 
     def _take_drive(self, message: Any) -> int:
-        self._require_driveable()
+        self._require_armed()
         off = message.amplitude == 0 or message.channels == 0
         if not off:
             self._check_drive(message)
@@ -142,7 +141,7 @@ class BrakeBoard(FirmwareModel):
             raise Refusal(Status.BAD_VALUE, 4)
 
     def _take_piezo(self, message: Any) -> int:
-        self._require_driveable()
+        self._require_armed()
         if message.channels == 0 or message.channels & ~_ALL:
             raise Refusal(Status.BAD_VALUE, 1)
         if not 0 < message.duration <= self.limits[_TTL]:
@@ -154,13 +153,12 @@ class BrakeBoard(FirmwareModel):
         insort(self._bursts, Burst(self.ticks.time_ns(start), self.ticks.time_ns(end), message.channels))
         return 0
 
-    def _require_driveable(self) -> None:
-        if self.state == State.DISCHARGING and self._then == State.ARMED:
-            return
-        self._require_armed()
+    @property
+    def armed(self) -> bool:
+        return super().armed or (self.state == State.DISCHARGING and self._then == State.ARMED)
 
     def _begin_arming(self) -> None:
-        if self.plant.highest_v(self.now_ns) >= TOUCHABLE_VOLTS:
+        if self.plant.lid_open or self.plant.highest_v(self.now_ns) >= TOUCHABLE_VOLTS:
             raise Refusal(Status.INTERLOCK)
         self.state, self._discharge_ns = State.SELF_TEST, NEVER_NS
         self._test = SelfTest(self.plant, self._nominal_f, self.plant_rng, self.now_ns)
@@ -196,7 +194,7 @@ class BrakeBoard(FirmwareModel):
         if self._drive is not None and self._guards.next_ns <= now_ns:
             trip = self._guards.sample(now_ns)
             if trip is not None:
-                self.latch(trip.fault, trip.channel, trip.value)
+                self.latch(*trip)
         if self._discharge_ns <= now_ns:
             self._watch_discharge()
 
@@ -265,6 +263,9 @@ class BrakeBoard(FirmwareModel):
         self._off()
         self._then = State.DISARMED
 
+    def _forget(self) -> None:
+        self._guards.capacitance_f = [0.0] * BRAKE_CHANNELS
+
     def _resting_state(self) -> State:
         if self.faults:
             return State.FAULT
@@ -294,14 +295,13 @@ class BrakeBoard(FirmwareModel):
         """
         return {**self.plant.truth(self.now_ns), "state": self.state}
 
-    def set_load(self, channel: int, **load: float) -> None:
-        """``pull_n``, ``travel_m``, ``leak_ohm``, or ``hand_m`` and ``hand_m_s``: see ``Brakes.load``."""
+    def _act(self, channel: int, load: Mapping[str, float]) -> None:
         self.plant.load(channel, self.now_ns, **load)
         if self._drive is not None:
             self._guards.wake(self.now_ns)
-        self.replan()
+        if self.plant.lid_open and self.armed:
+            self._outputs_off()
+            self.state = self._resting_state()
 
     def energised(self) -> list[int]:
-        driven = self._drive.mask if self._drive is not None else 0
-        volts = enumerate(self.plant.volts(self.now_ns))
-        return [channel for channel, one_v in volts if driven >> channel & 1 or abs(one_v) >= DISCHARGED_VOLTS]
+        return self.plant.energised(self.now_ns)

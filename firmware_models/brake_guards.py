@@ -15,9 +15,8 @@ often then, and again within a millisecond of a touch (``wake``).
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
-from firmware_models.board import WHOLE_BOARD
+from firmware_models.board import WHOLE_BOARD, Trip
 from firmware_models.brake_plant import Brakes
 from haptics.link.messages import BRAKE_CHANNELS, Fault
 from haptics.physics.brake_drive import DRIVE, clamp_time_s
@@ -35,15 +34,6 @@ _HELD = 0.98  # of the setpoint: from here on the supply only makes up for leaka
 _RAMP = (30.0, 0.6)  # slope is judged where it should have made more than these volts, and less than this share of the setpoint
 _SETTLED_NS = 2 * NS_PER_MS  # held for so long, the last of the charging current has gone
 _SENSED_V = 20.0  # least volts whose sign the dividers can tell
-
-
-@dataclass(frozen=True)
-class Trip:
-    """A guard that fired."""
-
-    fault: Fault
-    channel: int
-    value: int
 
 
 class Guards:

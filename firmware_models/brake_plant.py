@@ -7,7 +7,7 @@ thumb's; further ones follow the index's law.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -30,9 +30,12 @@ FORCE_SPREAD = 0.10
 """Half-width of a device's force about the law (thesis 4.7.3: 20 N +- 10 %)."""
 OVERLAP_SPREAD = 0.05  # assumed: how well strips are cut and aligned
 VOLTS_SPREAD = 0.01  # assumed: the supply's regulation
+DISCHARGED_VOLTS = 60.0
+"""Below them an output that is shorted counts as empty."""
 _FINGERS = ("index", "thumb", "index", "index", "index")
 _EVENTS_KEPT = 1 << 16
-_LOADS = ("pull_n", "travel_m", "leak_ohm", "hand_m", "hand_m_s")
+_SWITCHES = ("bridge_stuck", "lid_open")
+_LOADS = ("pull_n", "travel_m", "leak_ohm", "breakdown_v", "hand_m", "hand_m_s", *_SWITCHES)
 _THINNEST_M = 1e-6  # the self test's volts would break down what is much thinner
 _GEOMETRY = ("overlap_m2", "thickness_m", "permittivity", "width_m")
 _ELECTRIC = ("supply_current_a", "supply_volts", "output_resistance_ohm", "bleeder_ohm", "stray_f", "clamp_s")
@@ -48,6 +51,11 @@ PLANT_OPTIONS: dict[str, Option] = {
     "law": Option("threshold", "law of the holding force", choices=tuple(LAWS)),
     "fitted": Option(BRAKE_CHANNELS, "outputs that have a brake, from output 0 on", "", 0, BRAKE_CHANNELS, whole=True),
     "volts_gain": Option(None, f"volts made over volts asked for; default drawn within {VOLTS_SPREAD:g} of 1", "", 0.5, 1.3),
+    "breakdown_v": Option(
+        None, "volts at which every dielectric breaks down; default its thickness times 300 V/um", "V", 0.0, 1e5
+    ),
+    "bridge_stuck": Option(0, "1: the bridge misses its reversals", low=0, high=1, whole=True),
+    "lid_open": Option(0, "1: the lid's interlock is open", low=0, high=1, whole=True),
     **{row.name: Option(row.value, row.source, row.unit, row.low, row.high) for row in _ROWS},
     "thickness_m": Option(BRAKE.thickness_m, "polyimide, thesis 4.4.2", "m", _THINNEST_M, 1e-2),
 }
@@ -58,6 +66,8 @@ class Brakes:
 
     :param options: values of ``PLANT_OPTIONS`` and ``spread``: overlap, force and volts of this device stray from nominal
         uniformly within ``spread`` times the half-widths above.
+
+    ``switched``: called with time, "brake" or "piezo", channel and 1 or 0 whenever an output's drive or a piezo goes on or off.
     """
 
     def __init__(self, options: Mapping[str, Any], rng: np.random.Generator, start_ns: int):
@@ -76,9 +86,16 @@ class Brakes:
             overlaps_m2=tuple(min(one_m2, 1.0) if channel < options["fitted"] else 0.0 for channel, one_m2 in enumerate(full_m2)),
         )
         self._plant = brake_plant(options["level"], system)
+        if options["breakdown_v"] is not None:
+            for channel in range(BRAKE_CHANNELS):
+                self._plant.set_output(0.0, channel, breakdown_v=options["breakdown_v"])
+        self.stage.stuck = bool(options["bridge_stuck"])
+        self.lid_open = bool(options["lid_open"])
+        self._driven = 0
         self._pull_n = [0.0] * BRAKE_CHANNELS
         self._piezos = 0
         self._events: deque[tuple[int, int, str, float]] = deque(maxlen=_EVENTS_KEPT)
+        self.switched: list[Callable[[int, str, int, int], None]] = []
         self._start_ns = start_ns
         self._told_ns, self._told_j = start_ns, 0.0
 
@@ -92,12 +109,20 @@ class Brakes:
     def drive(self, mask: int, volts: float, frequency_hz: float, now_ns: int) -> None:
         """A square wave of this setpoint on the outputs in ``mask``, all others shorted; 0 shorts everything."""
         driven = mask if volts else 0
-        before = self._plant.mask
-        self._plant.drive(self._seconds(now_ns), driven, volts * self._volts_gain, frequency_hz)
-        for channel in range(BRAKE_CHANNELS):
-            if (driven ^ before) >> channel & 1:
-                on = driven >> channel & 1
-                self._events.append((now_ns, channel, "driven" if on else "shorted", volts if on else 0.0))
+        self._plant.drive(self._seconds(now_ns), driven, self._made_v(volts), frequency_hz)
+        self._note_driven(driven, volts, now_ns)
+
+    def pins(self, mask: int, volts: float, polarity: int, enabled: bool, now_ns: int) -> None:
+        """What a controller's pins say: outputs in ``mask`` on the bridge, the supply at this setpoint where ``enabled``, bridge
+        polarity +1, -1, or 0: its legs shorted. See ``OutputStage.pins``.
+        """
+        self._plant.pins(self._seconds(now_ns), mask, self._made_v(volts), polarity, enabled)
+        self._note_driven(mask if enabled and volts else 0, volts, now_ns)
+
+    def energised(self, now_ns: int) -> list[int]:
+        """Outputs that the supply is on, or that have dangerous volts."""
+        volts = enumerate(self.volts(now_ns))
+        return [channel for channel, one_v in volts if self._driven >> channel & 1 or abs(one_v) >= DISCHARGED_VOLTS]
 
     def volts(self, now_ns: int) -> list[float]:
         """Signed volts on each output."""
@@ -123,6 +148,7 @@ class Brakes:
         for channel in range(BRAKE_CHANNELS):
             if (mask ^ self._piezos) >> channel & 1:
                 self._events.append((now_ns, channel, "piezo_on" if mask >> channel & 1 else "piezo_off", 0.0))
+                self._tell(now_ns, "piezo", channel, mask >> channel & 1)
         self._piezos = mask
 
     # What the world does and sees.
@@ -131,8 +157,10 @@ class Brakes:
         """Act on a brake from outside.
 
         ``pull_n``: a steady pull, to be compared with the capacity; ``travel_m``: how far the strips have slid apart, besides
-        what a hand does; ``leak_ohm``: across the output; ``hand_m``, and ``hand_m_s`` (0 if left out): where the
-        hand is that pulls the finger, and how fast it moves from now on.
+        what a hand does (off each other altogether: an open output); ``leak_ohm``: across the output (a short: 1 kohm, none:
+        inf); ``breakdown_v``: what its dielectric stands from now on; ``hand_m``, and ``hand_m_s`` (0 if left out): where the
+        hand is that pulls the finger, and how fast it moves from now on. ``bridge_stuck``, ``lid_open`` (0 or 1): whatever the
+        channel.
 
         :raises InputError: no such channel, another key, or a number outside its range.
         """
@@ -145,8 +173,15 @@ class Brakes:
         at_s = self._seconds(now_ns)
         if "pull_n" in load:
             self._pull_n[channel] = in_range("pull_n", load["pull_n"], 0.0, 1e4, "N")
-        if "travel_m" in load or "leak_ohm" in load:
-            self._plant.set_output(at_s, channel, travel_m=load.get("travel_m"), leak_ohm=load.get("leak_ohm"))
+        electric = {key: load[key] for key in ("travel_m", "leak_ohm", "breakdown_v") if key in load}
+        if electric:
+            self._plant.set_output(at_s, channel, **electric)
+        for key in _SWITCHES:
+            in_range(key, load.get(key, 0), 0, 1)
+        if "bridge_stuck" in load:
+            self._plant.advance(at_s)
+            self.stage.stuck = bool(load["bridge_stuck"])
+        self.lid_open = bool(load.get("lid_open", self.lid_open))
         if "hand_m" in load:
             self._plant.move(channel, at_s, load["hand_m"], load.get("hand_m_s", 0.0))
 
@@ -193,6 +228,22 @@ class Brakes:
         plant.advance((now_ns - self._start_ns) / 1e9)
         for event in plant.take_events():
             self._events.append((self._start_ns + round(event.time_s * 1e9), event.output, event.kind, event.force_n))
+
+    def _made_v(self, volts: float) -> float:
+        """What the supply makes of a setpoint; no setpoint makes more than it can."""
+        return min(volts * self._volts_gain, self._plant.system.drive.supply_volts)
+
+    def _note_driven(self, driven: int, volts: float, now_ns: int) -> None:
+        for channel in range(BRAKE_CHANNELS):
+            if (driven ^ self._driven) >> channel & 1:
+                on = driven >> channel & 1
+                self._events.append((now_ns, channel, "driven" if on else "shorted", volts if on else 0.0))
+                self._tell(now_ns, "brake", channel, on)
+        self._driven = driven
+
+    def _tell(self, now_ns: int, kind: str, channel: int, on: int) -> None:
+        for seen in self.switched:
+            seen(now_ns, kind, channel, on)
 
     def _seconds(self, time_ns: int) -> float:
         return (time_ns - self._start_ns) / 1e9

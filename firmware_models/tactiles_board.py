@@ -4,25 +4,25 @@ A pulse command is taken whole or refused whole. What may stand in its way, in t
 duration or time out of range; no place in the queue (full, detail 0); a pulse already on one of its channels at that time
 (full, detail the mask of those channels); more coils on at once than the current limit allows, each counted at the
 greatest current a coil can draw (full, detail with bit 15 set). So the limit holds by construction, whatever is queued.
+``CoilGuards`` watch that what is measured agrees. The feed between supply and drivers is on only while armed.
 """
 
 from __future__ import annotations
 
-import math
 from bisect import insort
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from firmware_models.board import WHOLE_BOARD, FirmwareModel, Refusal
+from firmware_models.board import FirmwareModel, Refusal
+from firmware_models.coil_guards import COIL_WORST_MA, CoilGuards
 from firmware_models.options import Option
-from firmware_models.tactiles_plant import PLANT_OPTIONS, RESISTANCE_SPREAD_OHM, Actuators
+from firmware_models.tactiles_plant import PLANT_OPTIONS, Actuators
 from firmware_models.uart import NEVER_NS, Line
 from haptics.link.messages import COIL_CHANNELS, DURATION_UNIT_US, TICKS_PER_US, Board, Fault, State, Status
-from haptics.physics.latch_parameters import LATCH, LONGEST_PULSE_S, NOMINAL_VOLTS
+from haptics.physics.latch_parameters import LONGEST_PULSE_S
 
 QUEUE_DEPTH = 64
 LEAST_SUPPLY_MV = 3000
-COIL_WORST_MA = math.ceil(1000 * NOMINAL_VOLTS / (LATCH.resistance_ohm - RESISTANCE_SPREAD_OHM))
 TOO_MANY_COILS = 1 << 15
 _ALL_CHANNELS = (1 << COIL_CHANNELS) - 1
 _TICKS_PER_UNIT = DURATION_UNIT_US * TICKS_PER_US
@@ -63,10 +63,11 @@ class TactilesBoard(FirmwareModel):
 
     def __init__(self, options: Mapping[str, Any], transmitter: Line, start_ns: int):
         super().__init__(options, transmitter, start_ns)
-        self.plant = Actuators(options, self.plant_rng, start_ns)
+        self.plant = Actuators(options, self.plant_rng, start_ns, fed=False)
+        self._guards = CoilGuards(self.plant)
         self._queue: list[Pulse] = []
         self._on: dict[int, Pulse] = {}
-        self._played = [0] * COIL_CHANNELS
+        self._forget()
         self._commands |= {"pulse": self._pulse, "cancel": self._cancel}
 
     # Commands.
@@ -118,12 +119,14 @@ class TactilesBoard(FirmwareModel):
         if self._supply_low():
             raise Refusal(Status.INTERLOCK, 1 << Fault.SUPPLY)
         self.state = State.ARMED
+        self.plant.feed(True, self.now_ns)
+        self._guards.wake(self.now_ns)
 
     # Outputs.
 
     def _next_output_ns(self) -> int:
         begins = self._queue[0].start_ns if self._queue else NEVER_NS
-        return min(begins, min((pulse.end_ns for pulse in self._on.values()), default=NEVER_NS))
+        return min(begins, min((pulse.end_ns for pulse in self._on.values()), default=NEVER_NS), self._guards.next_ns)
 
     def _run_outputs(self) -> None:
         changes: dict[int, int] = {}
@@ -138,14 +141,25 @@ class TactilesBoard(FirmwareModel):
             self._played[pulse.channel] = (self._played[pulse.channel] + 1) & 0xFFFF
         if changes:
             self.plant.switch(changes, self.now_ns)
-            if self._on and self._supply_low():
-                self.latch(Fault.SUPPLY, WHOLE_BOARD, self._supply_mv())
+            self._guards.wake(self.now_ns)
+        if self._guards.next_ns <= self.now_ns:
+            limits = self.limits
+            trip = self._guards.sample(
+                self.now_ns, len(self._on), limits[_LEAST_SUPPLY], limits[_COIL_CURRENT], limits[_LONGEST_PULSE]
+            )
+            if trip is not None:
+                self.latch(*trip)
 
     def _outputs_off(self) -> None:
         self._queue.clear()
+        self._guards.rest()
         if self._on:
             self.plant.switch(dict.fromkeys(self._on, 0), self.now_ns)
             self._on.clear()
+        self.plant.feed(False, self.now_ns)
+
+    def _forget(self) -> None:
+        self._played = [0] * COIL_CHANNELS
 
     def _supply_mv(self) -> int:
         return round(1000 * self.plant.volts)
@@ -169,9 +183,10 @@ class TactilesBoard(FirmwareModel):
         """
         return {**self.plant.truth(self.now_ns), "state": self.state}
 
-    def set_load(self, channel: int, **load: float) -> None:
-        """``stiffness_n_m`` and ``at_m``: a skin in the pin's way."""
+    def _act(self, channel: int, load: Mapping[str, float]) -> None:
         self.plant.load(channel, self.now_ns, **load)
+        if self.armed:
+            self._guards.wake(self.now_ns)
 
     def energised(self) -> list[int]:
-        return sorted(self._on)
+        return self.plant.energised

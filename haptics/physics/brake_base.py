@@ -24,6 +24,8 @@ class BrakeBase:
         outputs = system.outputs
         self._start_s = self._now_s = in_range("start_s", start_s, -LATEST_S, LATEST_S, "s")
         self.stage = OutputStage([system.capacitance_f(k) for k in range(outputs)], system.drive, start_s, system.reversal)
+        for k in range(outputs):
+            self.stage.set_output(start_s, k, breakdown_v=system.breakdown_v)
         self._tables = [ForceTable(system, k) for k in range(outputs)]
         self._capacity_n = [table.off_n for table in self._tables]
         self._tension_n = [0.0] * outputs
@@ -45,11 +47,15 @@ class BrakeBase:
         self._system.check_volts(volts)
         self.advance(time_s)
         self.stage.drive(time_s, mask, volts, frequency_hz)
-        capacity_n = self.capacity_n
-        for k in range(self._system.outputs):
-            half_n = 0.5 * self.steady_force_n(k, volts) if self.stage.mask >> k & 1 else math.inf
-            # What holds half already has nothing to tell.
-            self._half_n[k] = math.inf if capacity_n[k] >= half_n else half_n
+        self._await_half(volts)
+        self._changed()
+
+    def pins(self, time_s: float, mask: int, volts: float, polarity: int, enabled: bool = True) -> None:
+        self.advance(time_s)
+        stage, before = self.stage, (self.stage.mask, self.stage.set_v)
+        stage.pins(time_s, mask, volts, polarity, enabled)
+        if (stage.mask, stage.set_v) != before:
+            self._await_half(min(stage.set_v, self._system.breakdown_v))
         self._changed()
 
     def move(self, output: int, time_s: float, position_m: float, speed_m_s: float = 0.0) -> None:
@@ -62,7 +68,15 @@ class BrakeBase:
             self._pulling = sorted([*self._pulling, output])
         self._changed()
 
-    def set_output(self, time_s: float, output: int, *, travel_m: float | None = None, leak_ohm: float | None = None) -> None:
+    def set_output(
+        self,
+        time_s: float,
+        output: int,
+        *,
+        travel_m: float | None = None,
+        leak_ohm: float | None = None,
+        breakdown_v: float | None = None,
+    ) -> None:
         self._check_output(output)
         if travel_m is not None:
             in_range("travel_m", travel_m, 0.0, 10.0, "m")
@@ -70,8 +84,8 @@ class BrakeBase:
         if travel_m is not None:
             self._travel_m[output] = float(travel_m)
             self._slide(output, time_s, self.slip_m[output])
-        if leak_ohm is not None:
-            self.stage.set_output(time_s, output, leak_ohm=leak_ohm)
+        if leak_ohm is not None or breakdown_v is not None:
+            self.stage.set_output(time_s, output, leak_ohm=leak_ohm, breakdown_v=breakdown_v)
         self._changed()
 
     def advance(self, to_s: float) -> None:
@@ -175,6 +189,14 @@ class BrakeBase:
         if share != self._stage_share[output]:
             self._stage_share[output] = share
             self.stage.set_output(time_s, output, capacitance_f=self._system.capacitance_f(output, slid_m))
+
+    def _await_half(self, volts: float) -> None:
+        """From now on, tell when a driven output's capacity passes half of what ``volts`` will give."""
+        capacity_n = self.capacity_n
+        for k in range(self._system.outputs):
+            half_n = 0.5 * self.steady_force_n(k, volts) if self.stage.mask >> k & 1 else math.inf
+            # What holds half already has nothing to tell.
+            self._half_n[k] = math.inf if capacity_n[k] >= half_n else half_n
 
     def _tell_half(self, output: int, time_s: float) -> None:
         self._events.append(BrakeEvent(time_s, output, "half_capacity", self._half_n[output]))

@@ -93,7 +93,8 @@ class LaggedBrakes(BrakeBase):
         stage = self.stage
         set_v = stage.set_v
         # Above a setpoint that was lowered volts fall by the bleeder.
-        if not HELD * set_v <= stage.bridge_v <= set_v or not stage.shorted_below(self._still_v):
+        held = stage.charging and HELD * set_v <= stage.bridge_v <= set_v
+        if (stage.mask and not held) or not stage.shorted_below(self._still_v):
             return 0
         self._quiet = stage.mask == 0
         next_s = stage.next_event_s

@@ -1,43 +1,24 @@
-"""The output stage as a plant: up to eight clutches on one supply and one bridge, carried through time in closed form.
+"""The output stage as a plant: clutches on one supply and one bridge, and the two ways in which the bridge is switched.
 
-Outputs in the mask hang in parallel on the bridge; all others are shorted, each through its own resistance. The bridge
-makes a bipolar square wave whose first half period has half the length, so that the mean is zero from the start. Connecting
-an output shares charge at once. Nothing is integrated: between switching times every voltage is an exponential.
+``drive`` makes a bipolar square wave here, whose first half period has half the length, so that the mean is zero from the
+start. ``pins`` follows a controller edge by edge: the same edges give the same volts. ``brake_bridge`` has the circuit.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 from haptics.errors import InputError
-from haptics.physics.brake_drive import (
-    DRIVE,
-    Charging,
-    DriveParameters,
-    bleeder_alone_v,
-    clamp_time_s,
-)
-from haptics.units import in_range, one_of
+from haptics.physics.brake_bridge import BridgeCircuit
+from haptics.physics.brake_drive import DRIVE, DriveParameters, bleeder_alone_v, clamp_time_s
+from haptics.units import in_range
+
+_SAME_WAVE = 0.01
+"""Half periods that differ by less are of one frequency: a controller's edges fall on its ticks."""
 
 
-@dataclass(slots=True)
-class Output:
-    """One clutch's electrical side; values may be swapped while it runs (``OutputStage.set_output``)."""
-
-    capacitance_f: float
-    leak_ohm: float = math.inf
-    volts: float = 0.0
-    peak_v: float = 0.0
-    energy_j: float = 0.0
-
-
-class OutputStage:
-    """Supply, bridge and outputs. Times are seconds in any one clock and must not go back.
-
-    :param capacitances_f: of each output, 0 where none is connected; at most 8. :param reversal: clamped or direct.
-    :raises InputError: other outputs than these, or a supply with a reservoir (``drive.reservoir_f``).
-    """
+class OutputStage(BridgeCircuit):
+    """Supply, bridge and outputs; see ``BridgeCircuit`` for what there is to set and to see."""
 
     def __init__(
         self,
@@ -46,29 +27,13 @@ class OutputStage:
         start_s: float = 0.0,
         reversal: str = "clamped",
     ):
-        if not 1 <= len(capacitances_f) <= 8:
-            raise InputError(f"{len(capacitances_f)} outputs are not allowed; allowed: 1 to 8")
-        self._outputs = [Output(in_range("capacitance_f", c, 0.0, 1e-3, "F")) for c in capacitances_f]
-        self._drive = drive
-        self._stiff = one_of("reversal", reversal, ("clamped", "direct")) == "direct"
-        self._now_s = float(start_s)
-        self._mask = 0
-        self._connected: list[Output] = []
-        self._shorted = self._outputs
-        self._set_v = 0.0
-        self._idle_v = 0.0  # of the supply while the bridge shorts what it drives
+        super().__init__(capacitances_f, drive, start_s, reversal)
         self._frequency_hz = 0.0
-        self._polarity = 1
-        self._bridge_v = 0.0  # on the connected outputs and the stray capacitance, signed
-        self._charging_from_s = math.inf
         self._reversal_s = math.inf
-        self._load = self._present_load()
+        self._by_pins = False
+        self._turned_s = math.nan  # last reversal that pins made
         self.stuck = False
         """Fault: the bridge misses its reversals."""
-        self.charge_c = 0.0
-        """Charge the supply has given."""
-        self.energy_j = 0.0
-        """Energy the supply has given: the integral of v i at its output."""
         self.reversals = 0
         """Sign changes of the bridge since the beginning."""
 
@@ -86,9 +51,12 @@ class OutputStage:
         self.advance(time_s)
         if volts == 0.0:
             mask = 0
-        running = self._mask != 0
+        running = self._mask != 0 and not self._by_pins
         if mask != self._mask:
             self._connect(mask)
+        if not mask:
+            self._bridge_v = 0.0  # the stray capacitance goes with the short
+        self._live, self._by_pins, self._legs_shorted = mask != 0, False, True
         self._set_v = volts if mask else 0.0
         self._idle_v = bleeder_alone_v(self._set_v, self._drive)
         self._load = self._present_load()
@@ -101,6 +69,41 @@ class OutputStage:
             if self._bridge_v * self._polarity < 0.0:
                 self._polarity = -self._polarity
         self._frequency_hz = frequency_hz if mask else 0.0
+        self._await_breakdown()
+
+    def pins(self, time_s: float, mask: int, volts: float, polarity: int, enabled: bool = True) -> None:
+        """From ``time_s`` on, what a controller's pins say: the outputs in ``mask`` on the bridge, all others shorted.
+
+        :param volts: setpoint of the supply; without ``enabled`` it gives nothing, and only its bleeder is there.
+        :param polarity: of the bridge, +1 or -1; 0: its legs are shorted together.
+        :raises InputError: time going back, a mask beyond the outputs, a number outside its range.
+        """
+        if not 0 <= mask < 1 << len(self._outputs):
+            raise InputError(f"mask = {mask:#x} is not allowed; allowed: 0 to {(1 << len(self._outputs)) - 1:#x}")
+        in_range("volts", volts, 0.0, self._drive.supply_volts, "V")
+        if polarity not in (-1, 0, 1):
+            raise InputError(f"polarity = {polarity!r} is not allowed; allowed: -1, 0, 1")
+        self.advance(time_s)
+        charged, begins = self.charging, self._mask == 0
+        if self.stuck:
+            polarity = self._polarity if charged or polarity else 0
+        if mask != self._mask:
+            self._connect(mask)
+        elif charged and polarity != self._polarity:
+            self._note_peaks()
+        if begins:
+            self._frequency_hz, self._turned_s, self._polarity = 0.0, math.nan, polarity or self._polarity
+        elif polarity == -self._polarity:
+            self._turn(time_s)
+        self._set_v = volts if enabled else 0.0
+        self._idle_v = bleeder_alone_v(self._set_v, self._drive)
+        self._live, self._by_pins, self._legs_shorted = mask != 0 or enabled, True, polarity == 0
+        if not mask and (self._legs_shorted or not enabled):
+            self._bridge_v = 0.0  # the stray capacitance goes with the short
+        self._charging_from_s = -math.inf if enabled and polarity else math.inf
+        self._reversal_s = math.inf
+        self._load = self._present_load()
+        self._await_breakdown()
 
     def advance(self, to_s: float) -> None:
         """Carry every voltage to ``to_s``.
@@ -110,158 +113,33 @@ class OutputStage:
         if not self._now_s <= to_s < math.inf:
             raise InputError(f"to_s = {to_s!r} s is not allowed; allowed: any from {self._now_s!r} s on; time only moves forward")
         # What may come next is compared first: nearly every call ends before it.
-        while self._reversal_s <= to_s or self._now_s < self._charging_from_s <= to_s:
+        while self._reversal_s <= to_s or self._now_s < self._charging_from_s <= to_s or self._breakdown_s <= to_s:
             at_s = self._next_event_s()
             self._evolve(at_s)
-            if at_s >= self._reversal_s:
+            if at_s >= self._breakdown_s:
+                self._break_down()
+            elif at_s >= self._reversal_s:
                 self._reverse(at_s)
             else:
                 self._charging_from_s = -math.inf
+            self._await_breakdown()
         if to_s > self._now_s:
             self._evolve(to_s)
 
     @property
     def next_event_s(self) -> float | None:
-        """When the bridge switches next by itself (end of a clamp, or a reversal), or None."""
+        """When the stage changes its course next by itself (end of a clamp, reversal, breakdown), or None."""
         at_s = self._next_event_s()
         return None if at_s == math.inf else at_s
 
     @property
-    def now_s(self) -> float:
-        return self._now_s
-
-    @property
-    def mask(self) -> int:
-        return self._mask
-
-    @property
-    def set_v(self) -> float:
-        """The setpoint in force, 0 while everything is shorted."""
-        return self._set_v
-
-    @property
-    def bridge_v(self) -> float:
-        """Volts on the outputs in the mask, in the bridge's present polarity: negative while it has yet to turn them round."""
-        return self._bridge_v * self._polarity
-
-    @property
     def frequency_hz(self) -> float:
+        """Of the wave; of one that pins make as its last whole half period tells, 0 before there was any."""
         return self._frequency_hz
 
-    @property
-    def charging(self) -> bool:
-        """The supply is on the outputs in the mask: neither all shorted nor clamped before a reversal."""
-        return self._mask != 0 and self._now_s >= self._charging_from_s
-
-    @property
-    def load(self) -> Charging:
-        """What hangs on the bridge, and where charging would lead it."""
-        return self._load
-
-    @property
-    def polarity(self) -> int:
-        """+1 or -1: the bridge's present polarity."""
-        return self._polarity
-
-    @property
-    def bus_v(self) -> float:
-        """Voltage at the supply's output: the setpoint, less while the load holds it down, more while the load holds it up."""
-        u_v = self._bridge_v * self._polarity
-        if not self.charging:
-            return self._idle_v
-        if self._stiff:
-            return self._set_v
-        if u_v >= self._set_v:
-            # The supply cannot sink: the load feeds the bleeder.
-            return max(self._set_v, u_v / (1.0 + self._drive.output_resistance_ohm / self._drive.bleeder_ohm))
-        return min(self._set_v, u_v + self._current_into_bridge_a() * self._drive.output_resistance_ohm)
-
-    @property
-    def supply_current_a(self) -> float:
-        """What the supply gives now, bleeder included."""
-        if not self._mask:
-            return 0.0
-        if not self.charging:
-            return self._idle_v / self._drive.bleeder_ohm
-        supply = self._load.regime(self._bridge_v * self._polarity).supply
-        if supply == "current":
-            return self._drive.supply_current_a
-        # Blocked: the load holds the bus up.
-        return 0.0 if supply == "blocked" else self._current_into_bridge_a() + self._set_v / self._drive.bleeder_ohm
-
-    @property
-    def stored_charge_c(self) -> float:
-        """Sum of the magnitudes of charge on all outputs."""
-        return sum(abs(o.capacitance_f * o.volts) for o in self._outputs) + self._drive.stray_f * abs(self._bridge_v)
-
-    @property
-    def voltages_v(self) -> list[float]:
-        """Signed voltage on each output now."""
-        return [o.volts for o in self._outputs]
-
-    def voltage_v(self, output: int) -> float:
-        """Signed voltage on one output now."""
-        return self._outputs[output].volts
-
-    def amplitude_v(self, output: int) -> float:
-        """Amplitude reached: magnitude at the end of the last half period, or now if that is more; now, if shorted."""
-        o = self._outputs[output]
-        return max(o.peak_v, abs(o.volts)) if self._mask >> output & 1 else abs(o.volts)
-
-    def output_energy_j(self, output: int) -> float:
-        """This output's share, by capacitance, of the energy the supply gave."""
-        return self._outputs[output].energy_j
-
-    def shorted_below(self, volts: float) -> bool:
-        """No output outside the mask has these volts left, of either sign."""
-        return not self._shorted or max([abs(o.volts) for o in self._shorted]) < volts
-
-    def decay_s(self, output: int) -> float:
-        """Time constant with which an output that is shorted, or clamped with its group, loses its volts."""
-        o, r = self._outputs[output], self._drive.output_resistance_ohm
-        if self._mask >> output & 1:
-            return self._load.capacitance_f / (1.0 / r + self._load.leak_s)
-        return r * o.capacitance_f
-
-    def set_output(self, time_s: float, output: int, capacitance_f: float | None = None, leak_ohm: float | None = None) -> None:
-        """Change an output while it runs: overlap moved, a leak, a short (small ``leak_ohm``), an open (no capacitance).
-
-        Voltage is kept; the charge that a changing capacitance moves is not counted.
-        """
-        self.advance(time_s)
-        o = self._outputs[output]
-        if capacitance_f is not None:
-            o.capacitance_f = in_range("capacitance_f", capacitance_f, 0.0, 1e-3, "F")
-        if leak_ohm is not None:
-            o.leak_ohm = math.inf if leak_ohm == math.inf else in_range("leak_ohm", leak_ohm, 1.0, math.inf, "ohm")
-        self._load = self._present_load()
-
     def _next_event_s(self) -> float:
-        return min(self._charging_from_s, self._reversal_s) if self._charging_from_s > self._now_s else self._reversal_s
-
-    def _present_load(self) -> Charging:
-        """The supply on what hangs on the bridge."""
-        # Without any capacitance the voltage would jump; a picofarad keeps the equations regular.
-        total_f = max(self._drive.stray_f + sum(o.capacitance_f for o in self._connected), 1e-12)
-        leak_s = sum(1.0 / o.leak_ohm for o in self._connected)
-        return Charging(self._set_v, total_f, leak_s, self._drive, self._stiff)
-
-    def _current_into_bridge_a(self) -> float:
-        load, u_v = self._load, self._bridge_v * self._polarity
-        regime = load.regime(u_v)
-        return load.capacitance_f * (regime.target_v - u_v) / regime.tau_s + u_v * load.leak_s
-
-    def _connect(self, mask: int) -> None:
-        """Put the outputs in ``mask`` in parallel (charge is shared at once); the others keep their voltage and are shorted."""
-        if not mask:
-            self._bridge_v = 0.0  # the stray capacitance goes with the short
-        self._mask = mask
-        group = self._connected = [o for k, o in enumerate(self._outputs) if mask >> k & 1]
-        self._shorted = [o for k, o in enumerate(self._outputs) if not mask >> k & 1]
-        charge_c = self._drive.stray_f * self._bridge_v + sum(o.capacitance_f * o.volts for o in group)
-        self._bridge_v = charge_c / self._present_load().capacitance_f if group else 0.0
-        for o in group:
-            o.volts, o.peak_v = self._bridge_v, abs(self._bridge_v)
+        own_s = min(self._charging_from_s, self._reversal_s) if self._charging_from_s > self._now_s else self._reversal_s
+        return min(own_s, self._breakdown_s)
 
     def _reverse(self, at_s: float) -> None:
         self._reversal_s = at_s + 0.5 / self._frequency_hz
@@ -270,30 +148,14 @@ class OutputStage:
         self._polarity = -self._polarity
         self.reversals += 1
         self._charging_from_s = at_s + (0.0 if self._stiff else clamp_time_s(self._frequency_hz, self._drive))
-        for o in self._connected:
-            o.peak_v = min(abs(o.volts), self._set_v)
+        self._note_peaks()
 
-    def _evolve(self, to_s: float) -> None:
-        """Carry all voltages to ``to_s``, no switching in between."""
-        dt_s = to_s - self._now_s
-        if dt_s <= 0.0:
-            return
-        r = self._drive.output_resistance_ohm
-        for o in self._shorted:
-            if o.volts != 0.0:
-                o.volts = o.volts * math.exp(-dt_s / (r * o.capacitance_f)) if o.capacitance_f else 0.0
-        if self._mask:
-            load = self._load
-            if self.charging:
-                u_v, taken_c, taken_j = load.charge(self._bridge_v * self._polarity, dt_s)
-                self._bridge_v = u_v * self._polarity
-            else:
-                self._bridge_v *= math.exp(-dt_s * (1.0 / r + load.leak_s) / load.capacitance_f)
-                taken_c = self._idle_v / self._drive.bleeder_ohm * dt_s
-                taken_j = self._idle_v * taken_c
-            self.charge_c += taken_c
-            self.energy_j += taken_j
-            for o in self._connected:
-                o.volts = self._bridge_v
-                o.energy_j += taken_j * o.capacitance_f / load.capacitance_f
-        self._now_s = to_s
+    def _turn(self, at_s: float) -> None:
+        """Pins turn the bridge round."""
+        self._polarity = -self._polarity
+        self.reversals += 1
+        if math.isfinite(self._turned_s) and at_s > self._turned_s:
+            frequency_hz = min(0.5 / (at_s - self._turned_s), self._drive.bridge_hz)
+            if abs(frequency_hz - self._frequency_hz) > _SAME_WAVE * self._frequency_hz:
+                self._frequency_hz = frequency_hz
+        self._turned_s = at_s

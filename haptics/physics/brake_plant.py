@@ -48,12 +48,28 @@ class BrakePlant(Protocol):
         """
         ...
 
+    def pins(self, time_s: float, mask: int, volts: float, polarity: int, enabled: bool = True) -> None:
+        """From ``time_s`` on, what a controller's pins say, edge by edge; see ``OutputStage.pins``.
+
+        Volts past breakdown are no error here: the dielectric breaks down when it sees them.
+        """
+        ...
+
     def move(self, output: int, time_s: float, position_m: float, speed_m_s: float = 0.0) -> None:
         """From ``time_s`` on the hand of this output is at ``position_m + speed_m_s (t - time_s)``, within 10 m and 100 m/s."""
         ...
 
-    def set_output(self, time_s: float, output: int, *, travel_m: float | None = None, leak_ohm: float | None = None) -> None:
-        """Slide strips apart by ``travel_m`` besides what a hand does, or put a leak across the output (infinite: none)."""
+    def set_output(
+        self,
+        time_s: float,
+        output: int,
+        *,
+        travel_m: float | None = None,
+        leak_ohm: float | None = None,
+        breakdown_v: float | None = None,
+    ) -> None:
+        """Slide strips apart by ``travel_m`` besides what a hand does, put a leak across the output (infinite: none), or say what
+        volts the dielectric stands from now on."""
         ...
 
     def advance(self, to_s: float) -> None:

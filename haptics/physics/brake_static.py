@@ -3,7 +3,8 @@
 Up: the time to half of the force, charging of everything driven (to ``sqrt(1/2)`` of the setpoint) and ``tau_on ln 2``.
 Down: ``tau_off ln 2``. A jump at half height is the step nearest to an exponential. The finger's tension is what the hand pulls
 with, at most the capacity. Volts still come from the closed form: they cost little, and what a controller's guards and self test
-watch is volts.
+watch is volts. Where pins drive, the amplitude is that at the frequency which their last whole half period tells; before there
+was one, the setpoint's.
 """
 
 from __future__ import annotations
@@ -38,6 +39,14 @@ class StaticBrakes(LaggedBrakes):
 
     def advance(self, to_s: float) -> None:
         self._check_time(to_s)
+        while self.stage.may_break and (at_s := self.stage.next_event_s) is not None and at_s <= to_s:
+            broken = self.stage.broken_down
+            self._carry(at_s)
+            if self.stage.broken_down != broken:
+                self._changed()
+        self._carry(to_s)
+
+    def _carry(self, to_s: float) -> None:
         self._to_s = to_s
         last = 2 * steps_at(to_s, self._start_s, self._step_s)
         while self._pulling and self._halves < last:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import serial
 
-from firmware_models.board import BOARD_OPTIONS
+from firmware_models.boot import BOARD_OPTIONS
 from firmware_models.tactiles_plant import PLANT_OPTIONS, RECOIL_SPREAD, Actuators
 from haptics.errors import InputError
 from haptics.physics.latch import switch
@@ -45,6 +45,7 @@ class Bench:
         self.port: Any
         self.board, self.port = (serial.serial_for_url(url, baudrate=500_000, timeout=0) for url in join)
         self.plant = self.board.board.plant
+        self.plant.feed(True, 0)
 
     def run(self, to_ms: float, step_ms: float = 1.0) -> None:
         for at_ms in np.arange(self.port.now_ns / MS + step_ms, to_ms + step_ms / 2, step_ms):

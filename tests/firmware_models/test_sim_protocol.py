@@ -70,12 +70,12 @@ def test_the_clock_drifts_as_its_crystal_does(host, board) -> None:
 def test_what_cannot_be_read_is_answered_and_does_nothing(host, board) -> None:
     h = host(board)
     boot_id = h.ask("identify").boot_id
-    h.port.write(encode_frame(0x33, 1))
-    h.port.write(encode_frame(BY_NAME["arm"].type, 2, b"abc"))
-    h.port.write(encode_frame(BY_NAME["drive" if board == "tactiles" else "pulse"].type, 3))
+    h.port.write(encode_frame(0x33, 201))
+    h.port.write(encode_frame(BY_NAME["arm"].type, 202, b"abc"))
+    h.port.write(encode_frame(BY_NAME["drive" if board == "tactiles" else "pulse"].type, 203))
     h.run(5)
-    answers = [(heard.seq, heard.message.status) for heard in h.all("reply")]
-    assert answers == [(1, Status.UNKNOWN), (2, Status.BAD_LENGTH), (3, Status.UNKNOWN)]
+    answers = [(heard.seq, heard.message.status, heard.message.detail) for heard in h.all("reply")]
+    assert answers == [(201, Status.UNKNOWN, 0), (202, Status.BAD_LENGTH, 0), (203, Status.UNKNOWN, 0)]
     assert h.status("arm", boot_id ^ 1) == Status.BAD_VALUE
     assert h.port.truth()["state"] == State.DISARMED
 
@@ -117,17 +117,53 @@ def test_sixteen_replies_are_remembered_and_the_seventeenth_is_not(host) -> None
     start = h.tick_in(20)
     first = h.ask("pulse", start, 1, 1, DURATIONS, seq=100)
     for seq in range(101, 116):
-        h.ask("keepalive", seq=seq)
+        h.ask("cancel", 2, seq=seq)
     assert h.ask("pulse", start, 1, 1, DURATIONS, seq=100) == first
-    h.ask("keepalive", seq=116)
+    h.ask("cancel", 2, seq=116)
     assert h.ask("pulse", start, 1, 1, DURATIONS, seq=100).status != Status.OK
 
 
-def test_the_same_number_on_another_command_is_another_command(host) -> None:
+def test_a_kept_number_makes_a_repetition_whatever_the_frame_says(host) -> None:
     h = host()
     h.arm()
-    assert h.status("stop", seq=9) == Status.OK
-    assert h.status("pulse", h.tick_in(5), 1, 1, DURATIONS, seq=9) == Status.INTERLOCK
+    start = h.tick_in(30)
+    first = h.ask("pulse", start, 1, 1, DURATIONS, seq=9)
+    assert h.ask("pulse", start, 2, 2, DURATIONS, seq=9) == first
+    assert h.ask("disarm", seq=9) == first
+    assert h.port.truth()["state"] == State.ARMED
+    h.port.write(encode_frame(0x33, 9))
+    h.port.write(encode_frame(BY_NAME["arm"].type, 9, b"abc"))
+    h.live(80)
+    assert [heard.message for heard in h.all("reply") if heard.seq == 9] == [first] * 5
+    assert h.last("tactiles_telemetry").played[:2] == (1, 0)
+
+
+def test_number_zero_is_never_kept(host) -> None:
+    h = host()
+    h.arm()
+    start = h.tick_in(30)
+    assert h.status("pulse", start, 1, 1, DURATIONS, seq=0) == Status.OK
+    reply = h.ask("pulse", start, 1, 1, DURATIONS, seq=0)
+    assert (reply.status, reply.detail) == (Status.FULL, 1)  # it was asked for afresh, and stands in its own way
+
+
+@BOTH
+def test_a_refusal_of_what_cannot_be_read_is_kept_like_any_reply(host, board) -> None:
+    h = host(board)
+    h.port.write(encode_frame(0x33, 7))
+    h.run(5)
+    h.port.write(encode_frame(BY_NAME["stop"].type, 7))
+    h.run(5)
+    assert [heard.message.status for heard in h.all("reply")] == [Status.UNKNOWN] * 2
+
+
+@BOTH
+def test_a_keepalive_is_not_answered(host, board) -> None:
+    h = host(board)
+    h.send("keepalive", seq=0)
+    h.send("keepalive", seq=5)
+    h.run(20)
+    assert not h.heard
 
 
 def test_identify_forgets_old_replies_so_that_a_new_host_is_not_answered_from_the_past(host) -> None:
@@ -144,7 +180,7 @@ def test_identify_forgets_old_replies_so_that_a_new_host_is_not_answered_from_th
 def test_dead_man_fires_after_a_tenth_of_a_second_of_silence_and_latches(host, board) -> None:
     h = host(board)
     h.arm()
-    h.ask("keepalive")
+    h.ask("sync", 1)
     fed_ns = h.now_ns
     h.listen(fed_ns + 98 * MS)
     assert h.port.truth()["state"] == State.ARMED
@@ -171,12 +207,12 @@ def test_any_valid_frame_feeds_the_dead_man_and_garbage_does_not(host, board) ->
     h.arm()
     for _ in range(5):
         h.run(80)
-        h.port.write(encode_frame(0x33, 0))
-    h.run(80)
-    assert h.port.truth()["state"] == State.ARMED
-    for _ in range(3):
-        h.run(20)
-        h.port.write(b"\x05\x01\x02\x03\x04\x00")
+        h.send("sync", 1)
+    h.run(50)
+    for nothing in (b"\x05\x01\x02\x03\x04\x00", encode_frame(0x33, 0), encode_frame(BY_NAME["arm"].type, 0, b"abc")):
+        assert h.port.truth()["state"] == State.ARMED
+        h.port.write(nothing)
+        h.run(17)
     assert h.port.truth()["state"] == State.FAULT
 
 
@@ -208,10 +244,10 @@ def test_telemetry_keeps_to_its_share_of_a_slow_line(host, baud) -> None:
 def test_replies_are_never_dropped_when_the_line_is_full(host) -> None:
     h = host()
     h.ask("identify")
-    for seq in range(200):
-        h.send("keepalive", seq=seq)
+    for seq in range(1, 201):
+        h.send("stop", seq=seq)
     h.run(500)
-    assert [heard.seq for heard in h.all("reply")] == list(range(200))
+    assert [heard.seq for heard in h.all("reply")] == list(range(1, 201))
 
 
 @BOTH
