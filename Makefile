@@ -3,8 +3,9 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
+FUZZ_S ?= 60
 
-.PHONY: demo test check bench soak clean help
+.PHONY: demo test check bench soak clean help firmware firmware-flash fuzz firmware-fuzzers
 
 help:  ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/'
@@ -33,6 +34,25 @@ bench: $(STAMP)  ## timings, ratios measured side by side in one run
 
 soak: $(STAMP)  ## the judged sizes: hundreds of kills, long random runs
 	$(BIN)/python -m pytest -m soak -n auto --timeout=3600
+
+firmware:  ## the images of both boards, into build/firmware (avr-gcc, no Python)
+	@command -v avr-gcc >/dev/null || { echo "avr-gcc not found: install gcc-avr, binutils-avr and avr-libc"; exit 1; }
+	@$(MAKE) --no-print-directory -C firmware_models/firmware avr OUT=$(CURDIR)/build/firmware
+
+firmware-flash:  ## flash BOARD=tactiles or brake on PORT=/dev/..., by the Arduino boot loader
+	@case "$(BOARD)" in tactiles|brake) ;; *) echo "BOARD = '$(BOARD)' is not a board; allowed: BOARD=tactiles, BOARD=brake"; exit 1;; esac
+	@[ -n "$(PORT)" ] || { echo "PORT is missing: which serial port is the board on? PORT=/dev/ttyACM0, for one"; exit 1; }
+	@command -v avrdude >/dev/null || { echo "avrdude not found: install avrdude"; exit 1; }
+	@$(MAKE) --no-print-directory firmware
+	avrdude -p atmega328p -c arduino -b 115200 -P "$(PORT)" -U flash:w:build/firmware/$(BOARD).hex:i
+
+fuzz: firmware-fuzzers  ## random streams against the C core, FUZZ_S seconds a board
+	build/fuzz/fuzz_tactiles -max_total_time=$(FUZZ_S) -max_len=1500 build/fuzz/corpus_tactiles
+	build/fuzz/fuzz_brake -max_total_time=$(FUZZ_S) -max_len=1500 build/fuzz/corpus_brake
+
+firmware-fuzzers:
+	$(MAKE) -C firmware_models/firmware fuzz OUT=$(CURDIR)/build/fuzz
+	mkdir -p build/fuzz/corpus_tactiles build/fuzz/corpus_brake
 
 clean:  ## forget the environment
 	rm -rf $(VENV)

@@ -222,7 +222,7 @@ class FirmwareModel:
             self._fed_ns = self.now_ns
         if name == "identify":
             self._identify(frame.seq)
-        elif frame.seq in self._answered:
+        elif frame.seq in self._answered and name != "stop":
             self._send(self._answered[frame.seq])
         elif name == "sync":
             self._sync(frame.seq, decode("sync", frame.payload).token)

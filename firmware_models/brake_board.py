@@ -282,7 +282,7 @@ class BrakeBoard(FirmwareModel):
             [round(abs(volts)) for volts in self.plant.volts(now_ns)],
             [min(round(one * 1e12), 0xFFFF) for one in self._guards.capacitance_f],
             [min(round(one * 1e7), 0xFFFF) for one in self._guards.leakage_a],
-            round(self.plant.stage.bus_v),
+            max(round(self.plant.stage.bus_v), 0),  # the divider shows nothing below
             min(round(self.plant.supply_current_a() * 1e6), 0xFFFF),
             len(self._queue) + len(self._bursts),
         )

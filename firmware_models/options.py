@@ -5,7 +5,7 @@ Every key is declared once, with its unit and range, by the module that uses it;
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 from urllib.parse import parse_qsl, urlsplit
@@ -16,7 +16,7 @@ from haptics.units import in_range, one_of
 
 @dataclass(frozen=True)
 class Option:
-    """One key: a number within ``low`` to ``high``, a whole number (``whole``), or one of ``choices``.
+    """One key: a number within ``low`` to ``high``, a whole one (``whole``), one of ``choices``, or what ``reader`` makes of it.
 
     ``default`` None means: drawn from the seed, or left to the model, as ``meaning`` says.
     """
@@ -28,12 +28,15 @@ class Option:
     high: float = 0.0
     whole: bool = False
     choices: tuple[str, ...] = ()
+    reader: Callable[[str], Any] | None = None
 
-    def parse(self, key: str, text: str) -> float | int | str:
+    def parse(self, key: str, text: str) -> Any:
         """The value of ``text``.
 
         :raises InputError: no number, out of range, or not one of the choices.
         """
+        if self.reader is not None:
+            return self.reader(text)
         if self.choices:
             return one_of(key, text, self.choices)
         number = in_range(key, text, self.low, self.high, self.unit)  # type: ignore[arg-type]

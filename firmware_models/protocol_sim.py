@@ -10,17 +10,22 @@ from __future__ import annotations
 import errno
 import importlib
 import time
+from collections.abc import Callable
 from typing import Any
 
-from serial import PortNotOpenError, SerialBase, SerialException
+from serial import PortNotOpenError, SerialBase, SerialException, SerialTimeoutException
 
 from firmware_models import world as worlds
-from firmware_models.board import BOARD_OPTIONS, FirmwareModel
-from firmware_models.cable import Cable
+from firmware_models.board import FirmwareModel
+from firmware_models.boot import BOARD_OPTIONS
+from firmware_models.cable import Cable, make_line
 from firmware_models.instrument import INSTRUMENT_OPTIONS, Instrument
 from firmware_models.options import Option, parse_options, split_url
+from firmware_models.ticks import signed_difference
 from firmware_models.uart import NEVER_NS, Line
 from haptics.errors import InputError
+from haptics.link.messages import Board
+from haptics.link.trial.faults import parse_faults
 from haptics.time import seconds_to_ns
 from haptics.units import one_of
 
@@ -37,7 +42,8 @@ _CORES = ("py", "c", "avr")
 PORT_OPTIONS: dict[str, Option] = {
     "world": Option(None, "name of a world that several ports share; default: one of its own"),
     "clock": Option("real", "who moves time", choices=worlds.CLOCKS),
-    "core": Option("py", "which firmware runs: this package's model, or the C core", choices=_CORES),
+    "core": Option("py", "which firmware runs: this package's model; the C core; the C core on a simulated AVR", choices=_CORES),
+    "faults": Option(None, "what goes wrong on the line, such as corrupt=0.01,drop=0.01", reader=parse_faults),
 }
 
 
@@ -75,13 +81,29 @@ def _instrument(name: str) -> type[Instrument]:
 
 
 def make_cable(board: str, options: dict[str, Any], now_ns: int) -> Cable:
-    """A board of that name, powered on at ``now_ns``, at the end of its serial line."""
-    to_host = Line(options["baud"])
-    return Cable(_model(board)(options, to_host, now_ns), to_host, options)
+    """A board of that name, powered on at ``now_ns``, at the end of its serial line.
+
+    :raises InputError: an option that the chosen core cannot honour, or a core that cannot be built here.
+    """
+    to_host = make_line(options, "in")
+    return Cable(_make_board(board, options, to_host, now_ns), to_host, options)
+
+
+def _make_board(board: str, options: dict[str, Any], to_host: Line, now_ns: int) -> Any:
+    core, kind = options["core"], Board[one_of("board", board, BOARDS).upper()]
+    if core == "c":
+        from firmware_models.compiled_board import CompiledBoard
+
+        return CompiledBoard(kind, options, to_host, now_ns)
+    if core == "avr":
+        from firmware_models.avr_board import AvrBoard
+
+        return AvrBoard(kind, options, to_host, now_ns)
+    return _model(board)(options, to_host, now_ns)
 
 
 def _make_instrument(name: str, options: dict[str, Any], world: worlds.World) -> Cable:
-    to_host = Line(options["baud"])
+    to_host = make_line(options, "in")
     return Cable(_instrument(name)(options, to_host, world.now_ns, world), to_host, options, announce=False)
 
 
@@ -105,8 +127,10 @@ class Serial(SerialBase):
         one_of("board", board, (*BOARDS, *INSTRUMENTS))
         name = query.pop("world", None)
         options = parse_options(query, instrument_options(board) if board in INSTRUMENTS else board_options(board))
-        if options["core"] != "py":
-            raise InputError(f"core = {options['core']!r} is not available in this build; allowed: py")
+        if board in INSTRUMENTS and options["core"] != "py":
+            raise InputError(f"core = {options['core']!r} is not allowed for a {board}: instruments run no firmware; allowed: py")
+        if board in INSTRUMENTS and options["faults"] is not None and options["faults"].dtr_reset:
+            raise InputError(f"faults: dtr_reset = 1 is not allowed for a {board}: instruments have no reset line; allowed: 0")
         self._world = worlds.enter(name, options["clock"])
         self._world_name = name
         try:
@@ -129,7 +153,7 @@ class Serial(SerialBase):
                 raise SerialException(errno.EBUSY, f"{self.port} is open already in this process; close it there first")
             if cable.options != options:
                 raise InputError(f"port = {self.port!r} asks for other settings than the board in this world was made with")
-            cable.attached = True
+            cable.attach(now_ns)
             world.replan()
             return cable
 
@@ -158,11 +182,18 @@ class Serial(SerialBase):
     def _now(self) -> int:
         return self._live().catch_up()
 
+    def _plugged(self, now_ns: int) -> None:
+        """:raises SerialException: the line's faults have unplugged the board."""
+        if now_ns >= self._cable.unplugged_ns:
+            raise SerialException(errno.EIO, f"{self.port}: the board is unplugged")
+
     @property
     def in_waiting(self) -> int:
         """Bytes that can be read at once."""
         with self._live().lock:
-            return self._cable.to_host.waiting(self._now())
+            now_ns = self._now()
+            self._plugged(now_ns)
+            return self._cable.to_host.waiting(now_ns)
 
     @property
     def out_waiting(self) -> int:
@@ -179,6 +210,7 @@ class Serial(SerialBase):
         with world.lock:
             line = self._cable.to_host
             now_ns = self._now()
+            self._plugged(now_ns)
             deadline_ns = NEVER_NS if self.timeout is None else now_ns + seconds_to_ns(self.timeout)
             while line.waiting(now_ns) < size and now_ns < deadline_ns:
                 until_ns = min(line.complete_ns(size), world.next_ns, deadline_ns)
@@ -189,10 +221,17 @@ class Serial(SerialBase):
             return line.take(size, now_ns)
 
     def write(self, data: Any, /) -> int:
-        """Hand bytes to the line; they reach the board at the baud rate."""
+        """Hand bytes to the line; they reach the board at the baud rate.
+
+        :raises SerialException: the line's faults have unplugged the board.
+        :raises SerialTimeoutException: they let the peer take no more bytes.
+        """
         data = bytes(data)
         with self._live().lock:
             now_ns = self._now()
+            self._plugged(now_ns)
+            if now_ns >= self._cable.stalled_ns:
+                raise SerialTimeoutException("Write timeout")
             self._cable.to_board.send(data, now_ns)
             self._world.replan()
             self._world.changed.notify_all()
@@ -277,6 +316,21 @@ class Serial(SerialBase):
             self._cable.advance(self._now())
             self._cable.board.set_load(channel, **load)
             self._world.replan()
+
+    def watch(self, listener: Callable[[int, str, int, int], None]) -> None:
+        """Call ``listener(time_ns, kind, channel, drive)`` at each switching of an output by the board's hardware.
+
+        ``kind``: coil, brake or piezo; ``drive``: 1, or -1 for a coil driven back, or 0: off.
+        """
+        self._cable.board.plant.switched.append(listener)
+
+    def tick_ns(self, tick: int) -> int:
+        """World time at which the board's own clock shows ``tick`` (u32), the one nearest to now."""
+        with self._live().lock:
+            self._cable.advance(now_ns := self._now())
+            ticks = self._cable.board.ticks
+            count = ticks.count(now_ns)
+            return ticks.time_ns(count + signed_difference(tick, count % (1 << 32)))
 
     def energised(self) -> list[int]:
         """Channels that carry current or dangerous volts now."""

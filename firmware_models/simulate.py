@@ -127,7 +127,7 @@ def simulate(
         stack.callback(signal.signal, signal.SIGTERM, previous)
         now_ns = time.monotonic_ns()
         cable = make_cable(name, options, now_ns)
-        cable.attached = True
+        cable.attach(now_ns)
         print(path, flush=True)
         with suppress(KeyboardInterrupt):
             PseudoTerminal(cable, master, note).serve(None if for_s is None else now_ns + seconds_to_ns(for_s))

@@ -11,7 +11,7 @@ from haptics.link.messages import TICK_HZ
 _WRAP = 1 << 32
 _HALF = 1 << 31
 _PPB = 1_000_000_000
-_NS_PER_TICK_SCALE = 1_000_000_000 * _PPB // TICK_HZ
+_NS_PER_S = 1_000_000_000
 
 
 def signed_difference(a: int, b: int) -> int:
@@ -25,16 +25,18 @@ class TickCounter:
     :param start_ns: world time at power-on.
     :param offset: count at power-on (u32).
     :param drift_ppb: how much faster than nominal the board's crystal runs, parts in 1e9.
+    :param hz: what counts; nominally, a divisor of 1 GHz times 1e9.
     """
 
-    def __init__(self, start_ns: int, offset: int, drift_ppb: int):
+    def __init__(self, start_ns: int, offset: int, drift_ppb: int, hz: int = TICK_HZ):
         self._start_ns = start_ns
         self._offset = offset
         self._rate = _PPB + drift_ppb
+        self._scale = _NS_PER_S * _PPB // hz
 
     def count(self, time_ns: int) -> int:
         """Ticks since ever, not wrapped."""
-        return self._offset + (time_ns - self._start_ns) * self._rate // _NS_PER_TICK_SCALE
+        return self._offset + (time_ns - self._start_ns) * self._rate // self._scale
 
     def u32(self, time_ns: int) -> int:
         """The count as it is sent."""
@@ -42,4 +44,4 @@ class TickCounter:
 
     def time_ns(self, count: int) -> int:
         """First nanosecond at which the counter shows ``count``."""
-        return self._start_ns - (-(count - self._offset) * _NS_PER_TICK_SCALE // self._rate)
+        return self._start_ns - (-(count - self._offset) * self._scale // self._rate)

@@ -70,6 +70,11 @@ class Line:
             return start_ns
         if self.garbled:
             data = _misread(data)
+        self._lay(data, start_ns)
+        return start_ns
+
+    def _lay(self, data: bytes, start_ns: int) -> None:
+        """A burst whose first bit goes out at ``start_ns``, cut behind each delimiter."""
         self._pending += len(data)
         first = 0
         while first < len(data):
@@ -77,7 +82,6 @@ class Line:
             end_ns = start_ns + cut * _BITS_NS // self.baud
             self._chunks.append(_Chunk(start_ns, first, self.baud, data[first:cut], end_ns))
             first = cut
-        return start_ns
 
     def first_end_ns(self) -> int:
         """When the first chunk is complete, or ``NEVER_NS``."""
@@ -125,6 +129,22 @@ class Line:
                 break
             self._chunks.popleft()
         return b"".join(parts)
+
+    def take_stamped(self, now_ns: int) -> tuple[bytes, list[int]]:
+        """All that has arrived, and of each byte the time at which its stop bit ended; for a receiver that is a UART itself."""
+        parts: list[bytes] = []
+        times: list[int] = []
+        while self._chunks:
+            chunk = self._chunks[0]
+            upto = chunk.arrived(now_ns)
+            parts.append(chunk.data[chunk.taken : upto])
+            times += [chunk.arrival_ns(count) for count in range(chunk.taken + 1, upto + 1)]
+            self._pending -= upto - chunk.taken
+            chunk.taken = upto
+            if upto < len(chunk.data):
+                break
+            self._chunks.popleft()
+        return b"".join(parts), times
 
     def take_chunk(self) -> bytes:
         """The whole first chunk; for a receiver that waited for ``first_end_ns``."""

@@ -6,9 +6,16 @@ from typing import Annotated
 
 import typer
 
+from haptics.cli.link_conformance import conformance
+from haptics.cli.link_monitor import identify, monitor
+from haptics.cli.link_stress import stress
 from haptics.cli.show import print_json, print_table
 
 app = typer.Typer(help="Serial links and boards.", no_args_is_help=True)
+app.command("identify")(identify)
+app.command("monitor")(monitor)
+app.command("conformance")(conformance)
+app.command("stress")(stress)
 
 
 def ports(json: Annotated[bool, typer.Option("--json", help="print one JSON object")] = False) -> None:

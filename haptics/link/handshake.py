@@ -22,7 +22,7 @@ from haptics.link.messages import (
 )
 from haptics.time import NS_PER_S
 
-_FLASH = "flash the firmware that belongs to this package: make firmware flash PORT=..."
+_FLASH = "flash the firmware that belongs to this package: make firmware-flash BOARD=tactiles|brake PORT=..."
 _CHANNELS: dict[int, int] = {Board.TACTILES: COIL_CHANNELS, Board.BRAKE: BRAKE_CHANNELS}
 _NOT_COMMANDS = ("identify", "sync", "keepalive")
 _SCHEMA_HASH = schema_hash()

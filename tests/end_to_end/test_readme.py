@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 import shlex
+import shutil
+import subprocess
 from pathlib import Path
 
 import pytest
@@ -47,6 +49,17 @@ def test_commands_for_hardware_exist_too(haptics):
             assert allowed.code == 0
             for option in (word for word in words if word.startswith("--")):
                 assert option in allowed.out, shlex.join(words)
+
+
+def test_make_firmware_builds_both_images():
+    if shutil.which("avr-gcc") is None:
+        pytest.skip("avr-gcc is not installed: no image can be built")
+    done = subprocess.run(["make", "-B", "firmware"], cwd=CHECKOUT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "warning" not in done.stdout + done.stderr
+    for board in ("tactiles", "brake"):
+        assert re.search(rf"^{board}: \d+ of 28672 bytes of flash, \d+ of 1638 bytes of RAM", done.stdout, re.MULTILINE)
+        assert (CHECKOUT / "build" / "firmware" / f"{board}.hex").read_text().startswith(":")
 
 
 def test_every_make_target_in_the_readme_exists():

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.util
 import json
 import os
+import shutil
 import subprocess
 import sys
 import sysconfig
@@ -91,3 +92,14 @@ def test_the_boards_command_and_the_scenes_came_along(installed, tmp_path):
     assert "trace" in run(installed / "haptics", "link", "simulate", "--help", cwd=tmp_path, COLUMNS="120")
     names = {scene["name"] for scene in json.loads(run(installed / "haptics", "scenes", "--json", cwd=tmp_path))["scenes"]}
     assert names == {path.stem for path in (CHECKOUT / "haptics" / "scene" / "data").glob("*.toml")}
+
+
+def test_the_firmwares_sources_came_along(installed, tmp_path):
+    if shutil.which("cc") is None or shutil.which("make") is None:
+        pytest.skip("no cc or make here: the C core cannot be built")
+    port = "sim://tactiles?core=c"
+    said = json.loads(
+        run(installed / "haptics", "link", "identify", "--port", port, "--json", cwd=tmp_path, HAPTICS_CACHE=str(tmp_path))
+    )
+    assert (said["board"], said["build"]) == ("tactiles", "host-c")
+    assert list(tmp_path.rglob("libcore.so"))

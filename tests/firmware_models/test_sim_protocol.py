@@ -152,7 +152,7 @@ def test_a_refusal_of_what_cannot_be_read_is_kept_like_any_reply(host, board) ->
     h = host(board)
     h.port.write(encode_frame(0x33, 7))
     h.run(5)
-    h.port.write(encode_frame(BY_NAME["stop"].type, 7))
+    h.port.write(encode_frame(BY_NAME["disarm"].type, 7))
     h.run(5)
     assert [heard.message.status for heard in h.all("reply")] == [Status.UNKNOWN] * 2
 
@@ -289,3 +289,12 @@ def test_noise_makes_no_frame_and_no_pulse(host) -> None:
     assert sum(h.port.truth()["switches"]) == 0
     assert sum(h.last("tactiles_telemetry").played) == 0
     assert h.last("tactiles_telemetry").bad_frames > 50
+
+
+@BOTH
+def test_stop_is_carried_out_whatever_its_number(host, board) -> None:
+    h = host(board)
+    h.arm()
+    assert h.status("configure", h.ask("identify").limits, seq=60) == Status.INTERLOCK
+    assert h.status("stop", seq=60) == Status.OK
+    assert h.port.truth()["state"] == State.DISARMED

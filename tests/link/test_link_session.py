@@ -152,7 +152,7 @@ def test_wrong_firmware_is_identified_and_nothing_more(bench, change, said):
     bench.run(1000)
     assert isinstance(bench.session.error, WrongFirmware)
     assert said in str(bench.session.error)
-    assert ("swapped" if change == {"kind": 2} else "make firmware flash") in str(bench.session.error)
+    assert ("swapped" if change == {"kind": 2} else "make firmware-flash") in str(bench.session.error)
     assert {type_ for type_, _, _ in bench.board.heard} == {IDENTIFY}
     assert bench.session.stop(bench.now_ns).error is not None
     assert bench.session.outgoing() == b""

@@ -1,0 +1,46 @@
+/* EEPROM: bytes 0 to 9 the settings (four limits and the nominal capacitance, u16 each), 10 and 11 their
+ * CRC-16/X-25, 12 to 15 the number of boots. Little endian. */
+
+#include "store.h"
+
+#include <avr/eeprom.h>
+#include <util/crc16.h>
+
+#include "wiring.h"
+
+#define SETTINGS_AT ((const void *)0)
+#define CRC_AT ((const uint16_t *)10)
+#define BOOTS_AT ((uint32_t *)12)
+
+static uint16_t sum_of(const struct settings *settings)
+{
+    const uint8_t *bytes = (const uint8_t *)settings;
+    uint16_t crc = 0xffff;
+    for (uint8_t i = 0; i < sizeof *settings; i++)
+        crc = _crc_ccitt_update(crc, bytes[i]);
+    return (uint16_t)~crc;
+}
+
+void store_settings(struct settings *settings)
+{
+    eeprom_read_block(settings, SETTINGS_AT, sizeof *settings);
+    if (sum_of(settings) != eeprom_read_word(CRC_AT))
+        *settings = wiring_built_settings;
+}
+
+/* Every step can be undone, so that different counts give different ids; they only look unlike each other. */
+static uint32_t mixed(uint32_t count)
+{
+    for (uint8_t i = 0; i < 2; i++) {
+        count *= 0x9e3779b1ul;
+        count ^= count >> 15;
+    }
+    return count;
+}
+
+uint32_t store_boot_id(void)
+{
+    uint32_t boots = eeprom_read_dword(BOOTS_AT) + 1;
+    eeprom_update_dword(BOOTS_AT, boots);
+    return mixed(boots);
+}

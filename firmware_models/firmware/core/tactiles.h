@@ -1,0 +1,60 @@
+/* The coil board: pulses at their ticks, no more coils on than the supply carries, guards on current and supply. */
+#ifndef TACTILES_H
+#define TACTILES_H
+
+#include "board_impl.h"
+
+/* One coil's pulse that waits, in a list ordered by `start`. */
+struct pulse {
+    uint32_t start;
+    uint8_t duration; /* 50 us */
+    uint8_t coil;     /* channel, and what tactiles.c adds to it */
+    uint8_t next;
+};
+
+/* A coil that is on. */
+struct running {
+    uint32_t end;
+    uint16_t coil; /* its bit */
+};
+
+/* What board_edge shares with the main loop. */
+struct timeline {
+    uint16_t coils; /* the outputs now: lower and upper half of the word */
+    uint16_t toward_skin;
+
+    bool prepared; /* the next edge is with the port: */
+    uint32_t due;
+    uint16_t next_coils;
+    uint16_t next_toward_skin;
+    uint16_t ending;   /* coils whose pulse ends there */
+    uint8_t beginning; /* pulses from the head on that begin there */
+
+    uint8_t on_count;
+    struct running on[COILS_AT_ONCE];
+    uint8_t most_on; /* coils on at a time since the last look at the senses */
+
+    uint8_t head;    /* first pulse that waits */
+    uint8_t waiting; /* how many do */
+    struct pulse pulses[PULSE_QUEUE];
+    uint16_t played[COIL_CHANNELS]; /* pulses begun, wrapping */
+};
+
+struct tactiles {
+    struct board board; /* first */
+    struct timeline timeline;
+
+    /* Main loop only. */
+    uint8_t place;      /* where the last pulse was put */
+    uint8_t allowed_on; /* coils that the current limit carries */
+    bool excess;        /* since `excess_since`: more current than coils can draw, or than the limit */
+    bool stray;         /* since `stray_since`: current though no coil is on */
+    uint32_t look_due;  /* next look at the senses */
+    uint32_t excess_since;
+    uint32_t stray_since;
+};
+
+/* Before board_start. */
+void tactiles_init(struct tactiles *t);
+
+#endif

@@ -1,0 +1,1 @@
+"""Trials of a link: faults on its line, and what comes of them."""
