@@ -118,8 +118,9 @@ static bool bridge_stuck(const struct wave *w, const struct look *l)
     return !w->first && l->begun - w->since >= w->half / 2 && l->volts <= -WRONG_WAY_V;
 }
 
-/* It begins at 0 V or the wrong way round, so that in time t less than half the capacitance gets more than 2 I t / C. So does
- * a bridge that is stuck, in the half periods of its polarity. Where not all are looked at, it takes one of each. */
+/* It begins at 0 V or the wrong way round, so that in time t less than half the capacitance gets more than 2 I t / C.
+ * So does a bridge that is stuck, in the half periods of its polarity: where not all are looked at, it takes one of
+ * each. */
 static bool open_output(struct brake *k, const struct wave *w, const struct look *l, const struct load *load)
 {
     struct guards *g = &k->guards;
