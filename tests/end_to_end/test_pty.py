@@ -52,6 +52,11 @@ def wait_until(condition: Callable[[], Any]) -> None:
         time.sleep(0.002)
 
 
+def driving(line: dict[str, Any]) -> bool:
+    """Volts that a host asked for; those of the self test are none."""
+    return bool(line["energised"]) and line["state"] == "DRIVING"
+
+
 class Board:
     """A brake controller behind a pseudo-terminal, and the trace of what it did."""
 
@@ -74,8 +79,8 @@ class Board:
         begin = len(self.lines())
         host = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, cwd=self.folder)
         try:
-            wait_until(lambda: host.poll() is not None or any(line["energised"] for line in self.lines(begin)))
-            driven_ns = next((line["time_ns"] for line in self.lines(begin) if line["energised"]), 0)
+            wait_until(lambda: host.poll() is not None or any(driving(line) for line in self.lines(begin)))
+            driven_ns = next((line["time_ns"] for line in self.lines(begin) if driving(line)), 0)
             wait_until(lambda: time.monotonic_ns() >= driven_ns + delay_s * 1e9)
             last = (self.lines(begin) or [{"energised": [], "state": ""}])[-1]
         finally:
@@ -83,7 +88,7 @@ class Board:
             host.wait()
         wait_until(lambda: self.process.poll() is not None or (self.lines()[-1]["state"] in ("FAULT", "DISARMED")))
         wait_until(lambda: self.process.poll() is not None or not self.lines()[-1]["energised"])
-        return self.lines(begin) if last["energised"] and last["state"] == "DRIVING" else []
+        return self.lines(begin) if driving(last) else []
 
     def end(self) -> None:
         self.process.send_signal(signal.SIGTERM)

@@ -17,7 +17,7 @@ from firmware_models.toolchain import FIRMWARE
 
 BOARDS = ("tactiles", "brake")
 BROKEN = {
-    "arms on any boot id": ("tactiles", "board.c", "if (boot_id != b->boot_id)", "if (0)"),
+    "arms on any boot id": ("tactiles", "board.c", "if (boot_id != b->boot_id)", "if (!boot_id)"),
     "forgets the dead-man": ("tactiles", "board.c", "silence >= DEAD_MAN_TICKS", "silence >= 3 * DEAD_MAN_TICKS"),
     "believes any checksum": ("tactiles", "framing.c", "d->crc == CRC_OF_WHOLE", "1"),
     "puts any number of coils on": ("tactiles", "tactiles.c", "active + r->count > t->allowed_on", "false"),

@@ -28,7 +28,7 @@ void board_poll(struct board *b);
 /* How many ticks from now board_poll has nothing to do. */
 uint32_t board_idle_ticks(struct board *b);
 
-/* The prepared outputs were taken over for tick `due`. Called by the port, from its edge interrupt. */
+/* The prepared outputs are, or surely will be, taken over at tick `due`. Called by the port, from its edge interrupt. */
 void board_edge(struct board *b, uint32_t due);
 
 #endif

@@ -21,8 +21,9 @@ uint32_t port_uplink_free(struct board *b);
 /* Makes the outputs `word` now. Forgets what was prepared. */
 void port_apply(struct board *b, uint32_t word);
 
-/* Makes the outputs `word` at tick `due`, or at once if that has passed, then calls board_edge(b, due).
- * Replaces what was prepared before. May be called from within board_edge. */
+/* Makes the outputs `word` at tick `due`, or at once if that has passed, and calls board_edge(b, due): then, or, where
+ * a CPU needs to know early what follows, up to 200 us before. From that call on the word can no longer be replaced;
+ * until it, another call replaces it. May be called from within board_edge. */
 void port_prepare(struct board *b, uint32_t word, uint32_t due);
 
 /* Forgets what was prepared. */

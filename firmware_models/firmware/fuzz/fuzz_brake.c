@@ -1,4 +1,5 @@
-/* Brake controller: volts beyond the self test's only while a valid drive frame says so, on its outputs, up to its amplitude. */
+/* Brake controller: volts beyond the self test's only while a valid drive frame says so, on its outputs, up to its
+ * amplitude. */
 #include <string.h>
 
 #include "fuzz.h"
@@ -38,8 +39,8 @@ static void heard(uint8_t type, const uint8_t *payload, uint32_t now) {
 static bool permitted(const struct permit *permits, unsigned count, uint32_t mask, uint32_t volts_wanted, uint32_t now) {
     for (unsigned i = 0; i < count && i < KEPT; i++) {
         const struct permit *p = &permits[i];
-        if ((int32_t)(now - p->start) >= 0 && (int32_t)(p->end - now) > 0 && (mask & ~p->mask) == 0 && volts_wanted <= p->volts)
-            return true;
+        const bool in_time = (int32_t)(now - p->start) >= 0 && (int32_t)(p->end - now) > 0;
+        if (in_time && (mask & ~p->mask) == 0 && volts_wanted <= p->volts) return true;
     }
     return mask == 0;
 }
@@ -99,8 +100,8 @@ static bool energised(uint32_t w) { return (w & (HV | OUTPUT_MASK << 5)) != 0; }
 int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t size);
 int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t size) {
     static const uint8_t types[] = {0x01, 0x02, 0x03, 0x04, 0x04, 0x05, 0x06, 0x07, 0x20, 0x20, 0x20, 0x20, 0x21, 0x21};
-    static const struct oracle brake = {2,     {{1500, 500, 10000, 2000}, 2547}, types, sizeof types, reset, heard, outputs,
-                                        convert, energised};
+    static const struct oracle brake = {
+        2, {{1500, 500, 10000, 2000}, 2547}, types, sizeof types, reset, heard, outputs, convert, energised};
     play(&brake, bytes, size);
     return 0;
 }
