@@ -21,6 +21,7 @@ from haptics.time import NS_PER_MS, NS_PER_S, seconds_to_ns
 TELEMETRY_PERIOD_NS = 20 * NS_PER_MS
 _BITS_PER_BYTE = 10
 _FRAMING_BYTES = 6  # type, number, checksum, stuffing, delimiter
+_LONGEST_COMMAND = payload_size("pulse") + _FRAMING_BYTES
 _NO_CHANNEL = 255
 _LOOK_S = 0.1
 _SKEW_S = 0.7  # a rate takes exchanges that lie apart
@@ -44,7 +45,12 @@ class Who:
 
 @dataclass(frozen=True, slots=True)
 class Look:
-    """How a link is now. Counts are since the watch began; ``late_commands`` is the board's own, since its boot."""
+    """How a link is now. Counts are since the watch began; ``late_commands`` is the board's own, since its boot.
+
+    ``least_lead_ms``: a timed command is sure to be early enough if it is sent so long before its time: twice the clock's error
+    bound (no exchange took longer on its way than that) and what the longest command takes on the line. What a program plans
+    ahead beyond it is its margin.
+    """
 
     port: str
     board: str
@@ -55,6 +61,7 @@ class Look:
     faults: list[str]
     clock_error_bound_us: float
     clock_skew_ppm: float
+    least_lead_ms: float
     telemetry: int
     telemetry_missed: int
     telemetry_hz: float
@@ -192,6 +199,9 @@ class Monitor:
             faults=[_fault_name(bit) for bit in range(16) if last and last.faults >> bit & 1],
             clock_error_bound_us=fit.error_bound_s(now_ns) * 1e6 if fit else float("nan"),
             clock_skew_ppm=fit.skew * 1e6 if fit else float("nan"),
+            least_lead_ms=1e3 * (2 * fit.error_bound_s(now_ns) + _LONGEST_COMMAND * _BITS_PER_BYTE / self._baud)
+            if fit
+            else float("nan"),
             telemetry=self._telemetry,
             telemetry_missed=self._missed,
             telemetry_hz=self._telemetry / elapsed_s,

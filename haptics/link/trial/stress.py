@@ -13,7 +13,7 @@ from typing import Any
 from urllib.parse import parse_qsl, urlsplit
 
 from haptics.errors import HapticsError, InputError, LinkError
-from haptics.link.commands import Pending
+from haptics.link.commands import NEVER_NS, Pending
 from haptics.link.connection import Link
 from haptics.link.events import Disarmed, Rebooted, Telemetry
 from haptics.link.messages import BRAKE_CHANNELS, DEFAULT_BAUD, Board, State, Status
@@ -123,6 +123,7 @@ class _Trial:
         self._contradictions = 0  # played though refused
         self._disarmed = 0
         self._too_short = 0
+        self._least_margin_ns = NEVER_NS
 
     # The run.
 
@@ -213,6 +214,8 @@ class _Trial:
             played = sum(entry.plays > 0 for entry in one.expected)
             if pending.ok:
                 counts["acknowledged"] += 1
+                if pending.board_time_ns is not None:
+                    self._least_margin_ns = min(self._least_margin_ns, one.command.start_ns - pending.board_time_ns)
                 counts["pulses"] += len(one.command.outputs)
                 counts["lost"] += self._observed is not None and not one.void and played < len(one.command.outputs)
                 continue
@@ -352,6 +355,7 @@ class _Trial:
             refused=counts["refused"],
             unknown_outcomes=counts["unknown"],
             late=counts["late"],
+            least_margin_ms=self._least_margin_ns / NS_PER_MS if counts["acknowledged"] else None,
             retried=self._link.session.counters.retries,
             pulses=counts["pulses"],
             lost=lost,
