@@ -9,10 +9,9 @@ from __future__ import annotations
 from collections import deque
 from dataclasses import dataclass, replace
 
-from haptics.link.framing import DELIMITER
+from haptics.link.framing import BITS_PER_BYTE, DELIMITER
 
 NEVER_NS = 1 << 62
-BITS_PER_BYTE = 10
 BAUD_TOLERANCE = 0.03  # a receiver that samples mid-bit still reads the tenth bit right
 _BITS_NS = BITS_PER_BYTE * 1_000_000_000
 

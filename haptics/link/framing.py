@@ -19,7 +19,11 @@ _unstuff: Callable[[bytes], bytes] = cobs.decode  # pyright: ignore[reportUnknow
 
 DELIMITER = b"\x00"
 _OVERHEAD = 4
-LONGEST_FRAME = MAX_PAYLOAD + _OVERHEAD + 2
+FRAMING_BYTES = _OVERHEAD + 2
+"""Of every frame beside its payload: type, number, checksum, stuffing, delimiter."""
+LONGEST_FRAME = MAX_PAYLOAD + FRAMING_BYTES
+BITS_PER_BYTE = 10
+"""On the line: start bit, eight data bits, stop bit."""
 
 
 class Frame(NamedTuple):

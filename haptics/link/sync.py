@@ -4,17 +4,15 @@ from __future__ import annotations
 
 from haptics.link.clock import ClockModel, signed_ticks
 from haptics.link.commands import NEVER_NS
-from haptics.link.framing import encode_frame
+from haptics.link.framing import BITS_PER_BYTE, FRAMING_BYTES, encode_frame
 from haptics.link.messages import BY_NAME, TICK_HZ, encode, payload_size
 from haptics.link.settings import LinkCounters, LinkSettings
 from haptics.time import NS_PER_S
 
 UNMEASURED = "the board's clock was not measured yet"
-BITS_PER_BYTE = 10
 _SHORTEST = 0.97  # of a byte's time at the nominal baud: no receiver follows a sender that is faster yet
 _SYNC = BY_NAME["sync"].type
-_FRAMING = 6  # type, number, checksum, stuffing, delimiter
-_ASKED, _ANSWERED = (payload_size(name) + _FRAMING for name in ("sync", "sync_reply"))
+_ASKED, _ANSWERED = (payload_size(name) + FRAMING_BYTES for name in ("sync", "sync_reply"))
 
 
 class ClockExchanges:

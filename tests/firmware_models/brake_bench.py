@@ -6,6 +6,7 @@ import ctypes
 import math
 import shutil
 import subprocess
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -132,3 +133,16 @@ def greatest_dhz(pf: float, volts: int) -> int:
 def reversals(edges: list[tuple[int, int]]) -> list[tuple[int, int]]:
     """Tick and new polarity of each half period, the first included."""
     return [(tick, word & BRIDGE) for tick, word in edges if word & BRIDGE and word & ENABLED]
+
+
+def benches(library: ctypes.CDLL) -> Iterator[Callable[..., BrakeBench]]:
+    """For a fixture: opens benches on the library, and closes them."""
+    opened: list[BrakeBench] = []
+
+    def open_bench(*args, **kwargs) -> BrakeBench:
+        opened.append(BrakeBench(library, *args, **kwargs))
+        return opened[-1]
+
+    yield open_bench
+    for one in opened:
+        one.close()

@@ -10,7 +10,7 @@ from fractions import Fraction
 from itertools import pairwise
 
 import pytest
-from brake_bench import BRIDGE, NOMINAL_PF, OK, BrakeBench, reversals
+from brake_bench import BRIDGE, NOMINAL_PF, OK, BrakeBench, benches, reversals
 from brake_circuit import ALL, ENABLED, NEGATIVE, POSITIVE, Circuit
 from core_bench import MS, WRAP, build_library, in_ticks
 
@@ -26,15 +26,7 @@ def library(tmp_path_factory) -> ctypes.CDLL:
 
 @pytest.fixture
 def bench(library) -> Iterator[Callable[..., BrakeBench]]:
-    opened: list[BrakeBench] = []
-
-    def open_bench(*args, **kwargs) -> BrakeBench:
-        opened.append(BrakeBench(library, *args, **kwargs))
-        return opened[-1]
-
-    yield open_bench
-    for one in opened:
-        one.close()
+    yield from benches(library)
 
 
 # The wave.

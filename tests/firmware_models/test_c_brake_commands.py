@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable, Iterator
 
 import pytest
-from brake_bench import OK, BrakeBench, greatest_dhz
+from brake_bench import OK, BrakeBench, benches, greatest_dhz
 from brake_circuit import ENABLED, NOMINAL_F, POSITIVE, Circuit
 from core_bench import MS, build_library, in_ticks
 
@@ -21,15 +21,7 @@ def library(tmp_path_factory) -> ctypes.CDLL:
 
 @pytest.fixture
 def bench(library) -> Iterator[Callable[..., BrakeBench]]:
-    opened: list[BrakeBench] = []
-
-    def open_bench(*args, **kwargs) -> BrakeBench:
-        opened.append(BrakeBench(library, *args, **kwargs))
-        return opened[-1]
-
-    yield open_bench
-    for one in opened:
-        one.close()
+    yield from benches(library)
 
 
 def test_refusals_come_in_order_and_say_what_is_wrong(bench) -> None:

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from fractions import Fraction
 
 import pytest
-from brake_bench import NOMINAL_PF, BrakeBench, SlowBench, build_slow_library, greatest_dhz, reversals
+from brake_bench import NOMINAL_PF, BrakeBench, SlowBench, benches, build_slow_library, greatest_dhz, reversals
 from brake_circuit import NOMINAL_F, Circuit
 from core_bench import MS, build_library
 
@@ -28,15 +28,7 @@ def library(tmp_path_factory) -> ctypes.CDLL:
 
 @pytest.fixture
 def bench(library) -> Iterator[Callable[..., BrakeBench]]:
-    opened: list[BrakeBench] = []
-
-    def open_bench(*args, **kwargs) -> BrakeBench:
-        opened.append(BrakeBench(library, *args, **kwargs))
-        return opened[-1]
-
-    yield open_bench
-    for one in opened:
-        one.close()
+    yield from benches(library)
 
 
 @pytest.mark.parametrize(("volts", "dhz"), [(20, 200), (20, 9000), (100, 200), (350, 1400), (1000, 200), (1500, 5), (1500, 400)])

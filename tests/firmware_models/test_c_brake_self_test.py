@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable, Iterator
 
 import pytest
-from brake_bench import NOMINAL_PF, OK, BrakeBench
+from brake_bench import NOMINAL_PF, OK, BrakeBench, benches
 from brake_circuit import ALL, ENABLED, HIGHEST, NOMINAL_F, Circuit
 from core_bench import BOOT_ID, MS, build_library, in_ticks
 
@@ -21,15 +21,7 @@ def library(tmp_path_factory) -> ctypes.CDLL:
 
 @pytest.fixture
 def bench(library) -> Iterator[Callable[..., BrakeBench]]:
-    opened: list[BrakeBench] = []
-
-    def open_bench(*args, **kwargs) -> BrakeBench:
-        opened.append(BrakeBench(library, *args, **kwargs))
-        return opened[-1]
-
-    yield open_bench
-    for one in opened:
-        one.close()
+    yield from benches(library)
 
 
 @pytest.mark.parametrize("share", [0.0, 0.04, 0.095, 0.105, 0.3, 0.49, 0.51, 0.7, 1.0, 1.3, 1.49, 1.51, 2.0, 8.0])

@@ -9,6 +9,7 @@ from typing import Any
 from haptics.errors import LinkError
 from haptics.link.connection import Link
 from haptics.link.events import FaultReported, Rebooted, Telemetry
+from haptics.link.framing import BITS_PER_BYTE, FRAMING_BYTES
 from haptics.link.messages import DEFAULT_BAUD, Board, Fault, State, payload_size
 from haptics.link.ports import open_port
 from haptics.link.runner import RealtimeRunner, VirtualRunner, connect
@@ -19,9 +20,7 @@ from haptics.link.trial.observed import ObservedPort
 from haptics.time import NS_PER_MS, NS_PER_S, seconds_to_ns
 
 TELEMETRY_PERIOD_NS = 20 * NS_PER_MS
-_BITS_PER_BYTE = 10
-_FRAMING_BYTES = 6  # type, number, checksum, stuffing, delimiter
-_LONGEST_COMMAND = payload_size("pulse") + _FRAMING_BYTES
+_LONGEST_COMMAND = payload_size("pulse") + FRAMING_BYTES
 _NO_CHANNEL = 255
 _LOOK_S = 0.1
 _SKEW_S = 0.7  # a rate takes exchanges that lie apart
@@ -186,8 +185,8 @@ class Monitor:
         counters = self._link.session.counters
         elapsed_s = max(self.elapsed_s, 1e-9)
         board = Board(identity.board).name.lower()
-        line = self._baud / _BITS_PER_BYTE * elapsed_s
-        frame_bytes = payload_size(f"{board}_telemetry") + _FRAMING_BYTES
+        line = self._baud / BITS_PER_BYTE * elapsed_s
+        frame_bytes = payload_size(f"{board}_telemetry") + FRAMING_BYTES
         state = State(last.state).name.lower() if last and last.state in State.__members__.values() else "unknown"
         return Look(
             port=self._link.name,
@@ -199,7 +198,7 @@ class Monitor:
             faults=[_fault_name(bit) for bit in range(16) if last and last.faults >> bit & 1],
             clock_error_bound_us=fit.error_bound_s(now_ns) * 1e6 if fit else float("nan"),
             clock_skew_ppm=fit.skew * 1e6 if fit else float("nan"),
-            least_lead_ms=1e3 * (2 * fit.error_bound_s(now_ns) + _LONGEST_COMMAND * _BITS_PER_BYTE / self._baud)
+            least_lead_ms=1e3 * (2 * fit.error_bound_s(now_ns) + _LONGEST_COMMAND * BITS_PER_BYTE / self._baud)
             if fit
             else float("nan"),
             telemetry=self._telemetry,
