@@ -12,7 +12,7 @@ from importlib.metadata import entry_points
 
 import typer
 
-from haptics.cli import configuration, fidelity, link, predict, recording, run
+from haptics.cli import configuration, fidelity, garment, link, predict, recording, run
 from haptics.errors import HapticsError, LimitError
 
 app = typer.Typer(
@@ -29,6 +29,7 @@ _groups = {
     "config": configuration.app,
     "recording": recording.app,
     "fidelity": fidelity.app,
+    "garment": garment.app,
 }
 for _name, _group in _groups.items():
     app.add_typer(_group, name=_name)

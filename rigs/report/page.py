@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from base64 import b64encode
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.resources import files
@@ -22,14 +23,28 @@ class Table:
 
 
 @dataclass(frozen=True)
+class Picture:
+    """A PNG picture and what it shows."""
+
+    caption: str
+    png: bytes
+
+    @property
+    def source(self) -> str:
+        """The picture itself, as an address."""
+        return f"data:image/png;base64,{b64encode(self.png).decode()}"
+
+
+@dataclass(frozen=True)
 class Block:
-    """One part of a page: a heading, sentences, warnings, tables, curves."""
+    """One part of a page: a heading, sentences, warnings, tables, curves, pictures."""
 
     title: str
     text: Sequence[str] = ()
     warnings: Sequence[str] = ()
     tables: Sequence[Table] = ()
     plots: Sequence[Plot] = ()
+    pictures: Sequence[Picture] = ()
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,174 @@
+"""What a design is made for, kept beside it: from that the same garment can be put on the same body again."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from haptics.errors import InputError
+from haptics.garments.bodies import MOTIONS, Body, Motion, open_body
+from haptics.garments.cholesky import installed_solvers
+from haptics.garments.designs import COVERAGE_TOLERANCE, DesignSequence, DesignStep, asked_for, read_designs
+from haptics.garments.garment import GARMENTS, LEVELS, Garment, cut_garment
+from haptics.garments.materials import CLOTH, INTERFACE, REINFORCED, Interface, Lame, Material, ReinforcedMaterial
+from haptics.garments.mesh import SurfaceMesh
+from haptics.garments.topology import SMALLEST_COVERAGE
+from haptics.garments.wearing import WornMotion, wear
+from haptics.units import in_range, one_of
+
+STORE = "designs.h5"
+"""Name of the design sequence in a design's folder."""
+LEAST_STRETCH = 1e-3
+"""A motion that changes no edge of the garment by more than this part does not load it."""
+
+
+@dataclass(frozen=True)
+class DesignJob:
+    """A garment, a motion, and how finely they are computed.
+
+    :param angle_deg: how far, from straight; None takes the motion's default.
+    :param coverage: reinforced over designable area, 0.01 to 1.
+    :param solver: see ``cholesky.installed_solvers``; None takes the fastest.
+    :raises InputError: a name or number that is not allowed.
+    """
+
+    garment: str
+    motion: str
+    coverage: float = 1.0
+    angle_deg: float | None = None
+    level: str = "draft"
+    body: str = "capsule"
+    phenotype: Mapping[str, float] = field(default_factory=dict)
+    solver: str | None = None
+    lame: Lame = "plane"
+
+    def __post_init__(self) -> None:
+        one_of("garment", self.garment, GARMENTS)
+        one_of("motion", self.motion, tuple(MOTIONS))
+        one_of("level", self.level, tuple(LEVELS))
+        one_of("lame", self.lame, ("plane", "thesis"))
+        in_range("coverage", self.coverage, SMALLEST_COVERAGE, 1.0)
+        MOTIONS[self.motion].checked_deg(self.angle_deg)
+        if self.solver is not None:
+            one_of("solver", self.solver, installed_solvers())
+
+
+def put_on(job: DesignJob) -> WornMotion:
+    """The job's garment on the job's body, in the motion.
+
+    :raises InputError: a body or a solver that is not installed, or a motion that does not stretch the garment.
+    """
+    body = open_body(job.body, job.phenotype)
+    garment, motion = cut_garment(body, job.garment, job.level), MOTIONS[job.motion]
+    refuse_unloaded(body, garment, motion, motion.checked_deg(job.angle_deg))
+    return wear(body, garment, motion, job.angle_deg, lame=job.lame, solver=job.solver)
+
+
+def settings_of(job: DesignJob, worn: WornMotion) -> dict[str, Any]:
+    """All that the job's designs depend on, as plain data."""
+    return {
+        "garment": job.garment,
+        "motion": job.motion,
+        "angle_deg": worn.angle_deg,
+        "level": job.level,
+        "body": job.body,
+        "phenotype": dict(job.phenotype),
+        "solver": worn.simulation.solver_name,
+        "lame": job.lame,
+        "cloth": asdict(CLOTH),
+        "reinforced": asdict(REINFORCED),
+        "interface": asdict(INTERFACE),
+    }
+
+
+@dataclass(frozen=True, eq=False)
+class KeptDesigns:
+    """A design sequence that was read, on its body again.
+
+    :param path: the file.
+    :param settings: what it was made for and with.
+    """
+
+    path: Path
+    settings: dict[str, Any]
+    sequence: DesignSequence
+    worn: WornMotion
+
+    def step(self, number: int | None = None, coverage: float | None = None) -> tuple[int, DesignStep]:
+        """One design with its number: that step, or the one for a coverage; the one that was asked for if neither is given.
+
+        For a coverage: of the steps that have it the densest, else the nearest.
+
+        :raises InputError: both, or a step or coverage out of range.
+        """
+        steps = self.sequence.steps
+        if number is not None and coverage is not None:
+            raise InputError(f"step = {number} and coverage = {coverage:g}; allowed: one of the two")
+        if number is not None:
+            chosen = steps[int(in_range("step", number, 0, len(steps) - 1))]
+        elif coverage is not None:
+            in_range("coverage", coverage, min(step.coverage for step in steps) - COVERAGE_TOLERANCE, 1.0)
+            nearest = min(steps, key=lambda step: abs(step.coverage - coverage))
+            chosen = nearest if abs(nearest.coverage - coverage) > COVERAGE_TOLERANCE else asked_for(steps, coverage)
+        else:
+            chosen = self.sequence.final
+        return steps.index(chosen), chosen
+
+
+def open_designs(path: Path, motion: str | None = None, angle_deg: float | None = None) -> KeptDesigns:
+    """Read a design sequence and put its garment on its body again.
+
+    :param path: the file, or the folder of ``haptics garment design``.
+    :param motion: another motion to wear it in. :param angle_deg: how far; None takes the design's angle, or the other
+        motion's default.
+    :raises InputError: no such file, or a garment that this version, on this machine, makes in another way.
+    """
+    file = path / STORE if path.is_dir() else path
+    settings, sequence = read_designs(file)
+    body = open_body(settings["body"], settings["phenotype"])
+    garment = cut_garment(body, settings["garment"], settings["level"])
+    materials: dict[str, Any] = {
+        "cloth": Material(**settings["cloth"]),
+        "reinforced": ReinforcedMaterial(**settings["reinforced"]),
+        "interface": Interface(**settings["interface"]),
+        "lame": settings["lame"],
+    }
+    made_on = (len(sequence.final.design), len(sequence.positions_m))
+    if made_on != (len(garment.triangles), garment.weights.shape[0]):
+        raise InputError(
+            f"{file}: its designs are for {made_on[0]} triangles and {made_on[1]} vertices, {settings['garment']} on body "
+            f"{settings['body']} has {len(garment.triangles)} and {garment.weights.shape[0]} now; allowed: versions that made it"
+        )
+    chosen = MOTIONS[one_of("motion", motion or settings["motion"], tuple(MOTIONS))]
+    if angle_deg is None and chosen.name == settings["motion"]:
+        angle_deg = settings["angle_deg"]
+    refuse_unloaded(body, garment, chosen, chosen.checked_deg(angle_deg))
+    return KeptDesigns(file, settings, sequence, wear(body, garment, chosen, angle_deg, **materials))
+
+
+def refuse_unloaded(body: Body, garment: Garment, motion: Motion, angle_deg: float) -> None:
+    """Refuse a motion that does not load the garment.
+
+    :raises InputError: no edge of the garment changes; the message names motions that do.
+    """
+    if _stretch(body, garment, motion, angle_deg) > LEAST_STRETCH:
+        return
+    others = [one.name for one in MOTIONS.values() if _stretch(body, garment, one, one.default_deg) > LEAST_STRETCH]
+    raise InputError(
+        f"motion = {motion.name!r} is not allowed for {garment.name}: it bends no joint under this garment, so that no cloth is "
+        f"stretched; allowed: {', '.join(others)}"
+    )
+
+
+def _stretch(body: Body, garment: Garment, motion: Motion, angle_deg: float) -> float:
+    """Largest relative change of an edge's length between the motion's start and end, the garment moving with the skin."""
+    rest, end = (
+        garment.on(body.posed_m(motion.pose(angle))) for angle in (motion.rest_deg(angle_deg), motion.end_deg(angle_deg))
+    )
+    edges = SurfaceMesh(rest, garment.triangles).edges
+    before, after = (np.linalg.norm(m[edges[:, 0]] - m[edges[:, 1]], axis=1) for m in (rest, end))
+    return float(np.abs(after / before - 1).max())

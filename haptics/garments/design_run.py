@@ -1,0 +1,203 @@
+"""The main job: find the reinforcement of a garment against a motion, rate it beside hand-drawn ones, and draw it."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from haptics.errors import InputError, LimitError
+from haptics.garments.design_job import STORE, DesignJob, put_on, settings_of
+from haptics.garments.designs import COVERAGE_TOLERANCE, DesignSequence, DesignStep, DesignStore
+from haptics.garments.drawn import SHAPES, DrawnDesign, best_drawn
+from haptics.garments.pictures import draw_density, draw_energy, draw_sequence, why_no_pictures
+from haptics.garments.rating import Unconverged, coverage_of, solved
+from haptics.garments.topology import DesignInterrupted, Progress, optimise
+from haptics.garments.wearing import WornMotion
+from haptics.recording.output import refuse_existing, replacing
+
+FILES = (STORE, "sequence.png", "density.png", "garment.png", "design.json")
+Say = Callable[[str], None]
+
+
+@dataclass(frozen=True, eq=False)
+class DesignReport:
+    """What came of a job.
+
+    :param sequence: the designs; those made until a step found no equilibrium, where ``stopped`` says so.
+    :param drawn: the hand-drawn baselines by shape; None where none of their places has an equilibrium.
+    :param notes: what is missing without being wrong.
+    :param seconds: time of each step made in this run; empty where the sequence was complete before.
+    """
+
+    job: DesignJob
+    worn: WornMotion
+    sequence: DesignSequence
+    drawn: dict[str, DrawnDesign | None]
+    seconds: tuple[float, ...]
+    stopped: str | None
+    notes: tuple[str, ...]
+    files: tuple[Path, ...]
+
+    @property
+    def faults(self) -> list[str]:
+        """Limits that were not kept; none where all is well."""
+        final, goal = self.sequence.final, self.job.coverage
+        found = [self.stopped] if self.stopped else []
+        if abs(final.coverage - goal) > COVERAGE_TOLERANCE:
+            found.append(f"coverage is {final.coverage:.4f}; allowed: {goal:g} to within {COVERAGE_TOLERANCE:g}")
+        found += [f"no equilibrium of the drawn {shape} at any place" for shape, best in self.drawn.items() if best is None]
+        return found
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data. ``density_increase`` and the baselines' ``density`` are the same ratio: energy by area of the reinforced
+        part over that of the fully reinforced garment."""
+        final, job = self.sequence.final, self.job
+        steps = len(self.sequence.steps)
+        return {
+            "garment": job.garment,
+            "motion": job.motion,
+            "angle_deg": self.worn.angle_deg,
+            "body": job.body,
+            "phenotype": dict(job.phenotype),
+            "level": job.level,
+            "lame": job.lame,
+            "vertices": len(self.worn.simulation.rest.vertices_m),
+            "triangles": len(self.worn.simulation.triangles),
+            "steps": steps + (self.stopped is not None),
+            "converged_steps": steps,
+            "solver": self.worn.simulation.solver_name,
+            "final_step": self.sequence.steps.index(final),
+            "density_increase": final.density,
+            "density_increase_eq65": final.density_eq65,
+            "coverage": final.coverage,
+            "coverage_asked": job.coverage,
+            "seconds_per_step": _spread(self.seconds),
+            "energy_j": final.energy_j,
+            "full_j_m2": self.sequence.full.reinforced_j_m2,
+            "largest_residual_n": max(step.residual_n for step in self.sequence.steps),
+            "complete": self.sequence.complete,
+            "faults": self.faults,
+            "notes": list(self.notes),
+            "files": [str(path) for path in self.files],
+            **{shape: _drawn_json(best) for shape, best in self.drawn.items()},
+        }
+
+
+def run_design(
+    job: DesignJob,
+    out: Path,
+    resume: bool = False,
+    force: bool = False,
+    progress: Progress | None = None,
+    say: Say | None = None,
+) -> DesignReport:
+    """Make the designs and everything that shows them, in a folder: the files of ``FILES``.
+
+    The design store is written after each step: a run that was broken off is continued by ``resume``. Pictures are left out where
+    matplotlib is not installed.
+
+    :param out: the folder, made if need be.
+    :param resume: go on with the store that is there, and renew the other files; begin where there is none.
+    :param force: begin anew over files that exist.
+    :param progress: told each completed step. :param say: told what is done besides.
+    :raises InputError: files that exist, settings other than those of the store that is resumed, or as ``put_on``.
+    :raises LimitError: the fully reinforced garment has no equilibrium, so that there is nothing to begin with.
+    """
+    say = say or (lambda what: None)
+    paths = {name: out / name for name in FILES}
+    for path in paths.values():
+        if out.exists():
+            refuse_existing(path, force or resume)
+    say(f"putting {job.garment} on body {job.body}")
+    worn = put_on(job)
+    _make_room(out, paths, resume)
+    sequence, seconds, stopped = _designed(job, worn, paths[STORE], progress)
+    say("rating the drawn line and X")
+    drawn = {shape: _baseline(worn, shape, sequence.final) for shape in SHAPES}
+    missing = why_no_pictures()
+    written = [path for path in paths.values() if not (missing and path.suffix == ".png")]
+    notes = (missing,) if missing else ()
+    report = DesignReport(job, worn, sequence, drawn, seconds, stopped, notes, tuple(written))
+    if not missing:
+        say("drawing")
+        _draw(report, paths)
+    with replacing(paths["design.json"], force=True) as partial:
+        partial.write_text(json.dumps(report.to_json(), indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    return report
+
+
+def _make_room(out: Path, paths: dict[str, Path], resume: bool) -> None:
+    """The folder, and nothing in it that shows older designs than the store that is begun."""
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{out}: no folder can be made there ({error.strerror or error})") from error
+    for name, path in paths.items():
+        if not (resume and name == STORE):
+            path.unlink(missing_ok=True)
+
+
+def _designed(
+    job: DesignJob, worn: WornMotion, path: Path, progress: Progress | None
+) -> tuple[DesignSequence, tuple[float, ...], str | None]:
+    """The sequence, the time of each step made now, and why it stopped too early, if it did."""
+    times = [time.perf_counter()]
+
+    def stepped(number: int, step: DesignStep) -> None:
+        times.append(time.perf_counter())
+        if progress:
+            progress(number, step)
+
+    stopped = None
+    try:
+        sequence = optimise(worn.simulation, job.coverage, store=DesignStore(path, settings_of(job, worn)), progress=stepped)
+    except DesignInterrupted as error:
+        if error.sequence is None:
+            raise LimitError(f"{job.garment}, {job.motion}: {error}") from error
+        sequence, stopped = error.sequence, str(error)
+    return sequence, tuple(np.diff(times).tolist()), stopped
+
+
+def _baseline(worn: WornMotion, shape: str, final: DesignStep) -> DrawnDesign | None:
+    """Drawn with the area that the design has."""
+    try:
+        return best_drawn(worn.simulation, shape, final.coverage)
+    except Unconverged:
+        return None
+
+
+def _draw(report: DesignReport, paths: dict[str, Path]) -> None:
+    job, worn, sequence = report.job, report.worn, report.sequence
+    title = f"{job.garment} against {job.motion} by {worn.angle_deg:g}°, body {job.body}"
+    draw_sequence(worn, sequence, paths["sequence.png"], force=True)
+    densities = {shape: best.density if best else None for shape, best in report.drawn.items()}
+    draw_density(sequence, densities, title, paths["density.png"], force=True)
+    final = sequence.final
+    state = solved(worn.simulation, final.design, sequence.final_positions_m)
+    covered = f"{title}: {100 * coverage_of(worn.simulation, final.design):.1f} % covered, density × {final.density:.2f}"
+    draw_energy(worn, final.design, state.positions_m, state.element_energy_j, covered, paths["garment.png"], force=True)
+
+
+def _drawn_json(best: DrawnDesign | None) -> dict[str, Any]:
+    if best is None:
+        return {"density": None}
+    return {
+        "density": best.density,
+        "density_eq65": best.density_eq65,
+        "coverage": best.coverage,
+        "energy_j": best.energy_j,
+        "place": best.place,
+        "tried": best.tried,
+    }
+
+
+def _spread(seconds: tuple[float, ...]) -> dict[str, float | None]:
+    if not seconds:
+        return {"median": None, "p95": None}
+    return {"median": float(np.median(seconds)), "p95": float(np.quantile(seconds, 0.95))}

@@ -1,0 +1,202 @@
+"""A sequence of designs, and the file that keeps it while it is made: killed at any moment, all completed steps are in it.
+
+::
+
+    /                       attributes: creator, haptics_designs (version of this layout), coverage (asked for), complete
+      settings              all that the sequence depends on, as JSON text
+      full                  energy densities of the fully reinforced garment: reinforced, eq. 6.5 (J/m2)
+      steps/design          (steps, ceil(triangles / 8)) uint8: eight triangles a byte, the first in the highest bit
+      steps/...             (steps,) each: the numbers of ``DesignStep``
+      final/positions_m     (vertices, 3): the equilibrium of the design asked for
+    latest/positions_m    (vertices, 3): the last equilibrium, from which the next one starts
+      latest/history_j_m2   (triangles,): sensitivities averaged over the past (eq. 5.14)
+
+Each step replaces the file by a whole one. The same sequence gives the same bytes, whether or not it was interrupted.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from haptics.errors import HapticsError, InputError
+from haptics.garments.mesh import Bools, Floats
+from haptics.garments.rating import Densities
+from haptics.recording.output import replacing
+
+LAYOUT = 1
+COVERAGE_TOLERANCE = 0.003
+"""How far a design's coverage may be from the one asked for, as a part of the designable area."""
+_NUMBERS = ("coverage", "energy_j", "density", "density_eq65", "residual_n", "iterations")
+
+
+@dataclass(frozen=True, eq=False)
+class DesignStep:
+    """One design and what its equilibrium gave.
+
+    :param design: reinforced triangles, ``(triangles,)``.
+    :param coverage: reinforced over designable area.
+    :param energy_j: strain energy of the whole garment, what is maximised (eq. 5.11).
+    :param density: energy by area of the reinforced part, over that of the fully reinforced garment (5.6).
+    :param density_eq65: energy of the whole garment by reinforced area, likewise (eq. 6.5).
+    :param residual_n: force left over; always a converged equilibrium.
+    :param iterations: Newton steps it took.
+    """
+
+    design: Bools
+    coverage: float
+    energy_j: float
+    density: float
+    density_eq65: float
+    residual_n: float
+    iterations: int
+
+
+@dataclass(frozen=True, eq=False)
+class DesignSequence:
+    """Designs in the order in which they were found, with the state from which the next one follows.
+
+    :param coverage: what was asked for.
+    :param full: energy densities of the fully reinforced garment.
+    :param final_positions_m: equilibrium of ``final``, ``(vertices, 3)``.
+    :param positions_m: equilibrium of the last step, ``(vertices, 3)``.
+    :param history_j_m2: filtered and averaged sensitivities after the last step, ``(triangles,)``.
+    :param complete: nothing is left to do.
+    """
+
+    steps: tuple[DesignStep, ...]
+    coverage: float
+    full: Densities
+    final_positions_m: Floats
+    positions_m: Floats
+    history_j_m2: Floats
+    complete: bool
+
+    @property
+    def final(self) -> DesignStep:
+        """The design asked for: of those that have the coverage, the one of greatest density; until there is one, the last.
+
+        At the target the procedure goes on swapping triangles, and where loops open and close again its steps differ widely.
+        """
+        return asked_for(self.steps, self.coverage)
+
+
+def asked_for(steps: tuple[DesignStep, ...], coverage: float) -> DesignStep:
+    """See ``DesignSequence.final``."""
+    there = [step for step in steps if abs(step.coverage - coverage) <= COVERAGE_TOLERANCE]
+    return max(there, key=lambda step: step.density) if there else steps[-1]
+
+
+class DesignStore:
+    """One HDF5 file with a design sequence.
+
+    :param path: the file; need not exist yet.
+    :param settings: what the sequence depends on besides the cloth and the parameters of ``optimise``, as plain JSON data:
+        garment, motion, angle, body, level, materials, solver.
+    """
+
+    def __init__(self, path: str | os.PathLike[str], settings: Mapping[str, Any] | None = None):
+        self.path, self._settings = Path(path), dict(settings or {})
+
+    def load(self, settings: Mapping[str, Any]) -> DesignSequence | None:
+        """What is in the file so far; None if there is no file.
+
+        :raises InputError: it was begun with other settings (the message names each), or is no design sequence.
+        """
+        if not self.path.exists():
+            return None
+        begun, sequence = _read(self.path)
+        wanted = json.loads(_json({**self._settings, **settings}))
+        differ = [
+            f"{key} was {begun.get(key)!r} and is now {wanted.get(key)!r}"
+            for key in sorted(begun.keys() | wanted.keys())
+            if begun.get(key) != wanted.get(key)
+        ]
+        if differ:
+            raise InputError(
+                f"{self.path} was begun with other settings: {'; '.join(differ)}; allowed: the same ones, or another file"
+            )
+        return sequence
+
+    def save(self, settings: Mapping[str, Any], sequence: DesignSequence) -> None:
+        """Put ``sequence`` in place of what is in the file.
+
+        :raises InputError: settings that are not plain JSON data; the folder is missing.
+        :raises HapticsError: it cannot be written (a full disk); the file is as it was.
+        """
+        text = _json({**self._settings, **settings})
+        try:
+            with replacing(self.path, force=True) as partial:
+                _write(partial, text, sequence)
+        except OSError as error:
+            raise HapticsError(f"{self.path}: cannot write the designs: {error}") from error
+
+
+def read_designs(path: str | os.PathLike[str]) -> tuple[dict[str, Any], DesignSequence]:
+    """The settings and the sequence in a file that ``DesignStore`` wrote.
+
+    :raises InputError: there is no such file, or it is no design sequence.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise InputError(f"{path}: no such file; allowed: a file written by haptics garment design")
+    return _read(path)
+
+
+def _json(settings: Mapping[str, Any]) -> str:
+    try:
+        return json.dumps(dict(settings), sort_keys=True, allow_nan=False, ensure_ascii=False)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"settings are not plain JSON data: {error}") from error
+
+
+def _write(path: Path, settings: str, sequence: DesignSequence) -> None:
+    import h5py
+
+    with h5py.File(path, "w") as file:
+        file.attrs["creator"] = "haptics"
+        file.attrs["coverage"] = sequence.coverage
+        file.attrs["complete"] = sequence.complete
+        _put(file, "settings", np.bytes_(settings.encode()))
+        _put(file, "full", [sequence.full.reinforced_j_m2, sequence.full.eq65_j_m2])
+        _put(file, "steps/design", np.packbits([step.design for step in sequence.steps], axis=1))
+        for name in _NUMBERS:
+            _put(file, f"steps/{name}", [getattr(step, name) for step in sequence.steps])
+        _put(file, "final/positions_m", sequence.final_positions_m)
+        _put(file, "latest/positions_m", sequence.positions_m)
+        _put(file, "latest/history_j_m2", sequence.history_j_m2)
+        file.attrs["haptics_designs"] = LAYOUT  # last: without it nothing is taken for a design sequence
+
+
+def _put(file: Any, name: str, data: Any) -> None:
+    file.create_dataset(name, data=data, track_times=False)
+
+
+def _read(path: Path) -> tuple[dict[str, Any], DesignSequence]:
+    import h5py
+
+    try:
+        with h5py.File(path, "r") as file:
+            if file.attrs.get("haptics_designs") != LAYOUT:
+                raise ValueError(f"its layout is {file.attrs.get('haptics_designs')}, known is {LAYOUT}")
+            history = np.asarray(file["latest/history_j_m2"])
+            designs = np.unpackbits(np.asarray(file["steps/design"]), axis=1, count=len(history)).astype(bool)
+            numbers = [np.asarray(file[f"steps/{name}"]).tolist() for name in _NUMBERS]
+            sequence = DesignSequence(
+                tuple(DesignStep(design, *row) for design, *row in zip(designs, *numbers, strict=True)),
+                float(np.asarray(file.attrs["coverage"])),
+                Densities(*np.asarray(file["full"]).tolist()),
+                np.asarray(file["final/positions_m"]),
+                np.asarray(file["latest/positions_m"]),
+                history,
+                bool(file.attrs["complete"]),
+            )
+            return json.loads(np.asarray(file["settings"]).item().decode()), sequence
+    except (OSError, KeyError, ValueError, TypeError) as error:
+        raise InputError(f"{path}: this is no design sequence, or a damaged one: {error}") from error

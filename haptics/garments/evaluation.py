@@ -1,0 +1,156 @@
+"""A design over a whole motion, beside another of the same area: what each makes of its area, and how hard it is to move."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from haptics.errors import InputError, LimitError
+from haptics.garments.design_job import DesignJob, open_designs, put_on
+from haptics.garments.drawn import SHAPES, best_drawn
+from haptics.garments.masks import read_mask, with_coverage
+from haptics.garments.mesh import Bools
+from haptics.garments.rating import Densities, Unconverged, coverage_of, solved
+from haptics.garments.wearing import MotionEvaluation, WornMotion, evaluate_motion
+from haptics.units import in_range
+
+ANGLES = 18
+"""Parts that a motion is divided into, unless asked for otherwise."""
+MASKS = (".png", ".obj", ".ply", ".stl", ".txt", ".npz")
+
+
+@dataclass(frozen=True, eq=False)
+class Rated:
+    """A design at the end of a motion and on the way there.
+
+    :param place: where a drawn design lies, in words.
+    :param density, density_eq65: energy by reinforced area over that of the fully reinforced garment, as in ``DesignStep``.
+    """
+
+    name: str
+    design: Bools
+    coverage: float
+    density: float
+    density_eq65: float
+    motion: MotionEvaluation
+    place: str = ""
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data."""
+        return {
+            "name": self.name,
+            "place": self.place,
+            "coverage": self.coverage,
+            "density_increase": self.density,
+            "density_increase_eq65": self.density_eq65,
+            "converged": self.motion.converged,
+            "angles_deg": self.motion.angles_deg.tolist(),
+            "energy_j": self.motion.energy_j.tolist(),
+            "stored_j": self.motion.stored_j.tolist(),
+            "torque_n_m": self.motion.torque_n_m.tolist(),
+            "residual_n": [state.residual_n for state in self.motion.equilibria],
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluation:
+    """A design, and what it was compared with.
+
+    :param settings: garment, motion, angle, body, level.
+    """
+
+    settings: Mapping[str, Any]
+    worn: WornMotion
+    rated: Rated
+    against: Rated | None
+
+    @property
+    def converged(self) -> bool:
+        """Every equilibrium was found."""
+        return self.rated.motion.converged and (self.against is None or self.against.motion.converged)
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data."""
+        against = None if self.against is None else self.against.to_json()
+        return {**self.settings, **self.rated.to_json(), "against": against}
+
+
+def evaluate_design(
+    path: Path,
+    job: DesignJob | None = None,
+    motion: str | None = None,
+    angle_deg: float | None = None,
+    against: str | None = None,
+    steps: int = ANGLES,
+    step: int | None = None,
+    coverage: float | None = None,
+) -> Evaluation:
+    """Rate a design over a motion.
+
+    :param path: a design sequence (file or folder), or a mask as ``masks.read_mask`` takes it.
+    :param job: what a mask is worn on and in; None with a design sequence, which knows.
+    :param motion, angle_deg: another motion or angle than the sequence's.
+    :param against: ``line``, ``x`` or a mask, drawn with the same area.
+    :param steps: parts of the motion, 1 to 1000.
+    :param step, coverage: which design of the sequence, the one asked for if None; for a mask, ``coverage`` grows or trims it.
+    :raises InputError: a file, name or number that is not allowed.
+    :raises LimitError: no equilibrium at the end of the motion, so that nothing can be rated.
+    """
+    in_range("steps", steps, 1, 1000)
+    if path.suffix.lower() in MASKS:
+        if job is None:
+            raise InputError(f"{path} is a mask: it does not say what is worn; allowed: with a garment and a motion")
+        worn = put_on(job)
+        design, name = _mask(worn, path, coverage), path.name
+        settings = {"garment": job.garment, "motion": job.motion, "body": job.body, "level": job.level}
+    else:
+        if job is not None:
+            raise InputError(
+                f"{path} is no mask, so that it says itself what is worn; allowed: garment and body with a mask only"
+            )
+        kept = open_designs(path, motion, angle_deg)
+        number, chosen = kept.step(step, coverage)
+        worn, design, name = kept.worn, chosen.design, f"step {number}"
+        settings = {key: kept.settings[key] for key in ("garment", "body", "level")} | {
+            "motion": worn.motion.name,
+            "step": number,
+        }
+    settings |= {"angle_deg": worn.angle_deg, "solver": worn.simulation.solver_name}
+    try:
+        rated = _rated(worn, name, design, steps)
+        other = None if against is None else _opponent(worn, against, rated.coverage, steps)
+    except Unconverged as error:
+        raise LimitError(f"{path}: {error}") from error
+    return Evaluation(settings, worn, rated, other)
+
+
+def _rated(worn: WornMotion, name: str, design: Bools, steps: int, place: str = "") -> Rated:
+    cloth = worn.simulation
+    full = solved(cloth, cloth.designable)
+    whole = Densities.of(cloth.designable, cloth.areas_m2, full.element_energy_j)
+    state = solved(cloth, design, full.positions_m)
+    ratio = Densities.of(design, cloth.areas_m2, state.element_energy_j).over(whole)
+    motion = evaluate_motion(worn, design, worn.motion.path(worn.angle_deg, steps))
+    return Rated(name, design, coverage_of(cloth, design), ratio.reinforced_j_m2, ratio.eq65_j_m2, motion, place)
+
+
+def _opponent(worn: WornMotion, against: str, coverage: float, steps: int) -> Rated:
+    if against in SHAPES:
+        best = best_drawn(worn.simulation, against, coverage)
+        return _rated(worn, against, best.design, steps, best.place)
+    path = Path(against)
+    if path.suffix.lower() not in MASKS:
+        raise InputError(
+            f"against = {against!r} is not allowed; allowed: {', '.join(SHAPES)}, or a file ending in {', '.join(MASKS)}"
+        )
+    return _rated(worn, path.name, _mask(worn, path, coverage), steps)
+
+
+def _mask(worn: WornMotion, path: Path, coverage: float | None) -> Bools:
+    rest = worn.simulation.rest.at(worn.garment.on(worn.body.straight_m))
+    if not path.is_file():
+        raise InputError(f"{path}: no such file; allowed: a mask ending in {', '.join(MASKS)}")
+    mask = read_mask(path, rest)
+    return mask if coverage is None else with_coverage(mask, rest, worn.simulation.designable, coverage)

@@ -1,0 +1,151 @@
+"""Garments: which part of the body's skin each covers, cut out of it and made as fine as asked.
+
+A garment's vertices are mixtures of the body's vertices, so that a posed body carries its garment along (thesis 5.4.4.1).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from haptics.errors import InputError
+from haptics.garments.bodies.body import Body
+from haptics.garments.coarsening import anchored, coarsened
+from haptics.garments.cutting import cut_out, openings
+from haptics.garments.mesh import Bools, Floats, Ints, SurfaceMesh, checked_mesh
+from haptics.garments.subdivision import Sparse, loop
+from haptics.units import one_of
+
+LEVELS = {"coarse": 500, "draft": 1800, "standard": 7000, "reference": 28000}
+"""About how many vertices a garment has at each level."""
+
+OPENINGS = {"sleeve": 2, "knee_sleeve": 2, "shirt": 4, "long_shirt": 4, "shorts": 3}
+"""How many openings each garment has."""
+GARMENTS = tuple(OPENINGS)
+
+BAND_M = 0.0175
+"""Width of the attachment band at each opening: what elastics and straps are wide. Assumed."""
+KNEE_REACH_M = 0.18
+"""How far the knee sleeve reaches from the knee, up and down. Assumed."""
+SHORT_SLEEVE, SHORTS_LEG = 0.5, 0.85
+"""Where the shirt's sleeves and the legs of the shorts end, along the upper arm and the upper leg. Assumed."""
+_FEWEST, _MOST = 0.83, 1.1
+"""Of a level's vertices: a mesh with fewer is subdivided, one with more is made coarser."""
+
+
+@dataclass(frozen=True, eq=False)
+class Garment:
+    """A garment's mesh, tied to a body's vertices.
+
+    :param triangles: ``(triangles, 3)``, anticlockwise seen from outside.
+    :param weights: ``(vertices, body vertices)``, rows sum to 1.
+    :param attached: triangles that elastics or straps hold to the body (thesis 5.4.3): a band at each opening.
+    :param designable: triangles that may be reinforced. All: reinforcement may end in a band.
+    """
+
+    name: str
+    level: str
+    triangles: Ints
+    weights: Sparse
+    attached: Bools
+    designable: Bools
+
+    def on(self, body_vertices_m: Floats) -> Floats:
+        """Where the garment's vertices lie on the body in a pose, ``(vertices, 3)``."""
+        return np.asarray(self.weights @ body_vertices_m)
+
+
+def cut_garment(body: Body, name: str, level: str = "draft") -> Garment:
+    """A garment cut out of the straight body's skin.
+
+    :param name: one of ``GARMENTS``. sleeve: the left arm from shoulder to wrist; knee_sleeve: 18 cm up and down from the left
+        knee; shirt: trunk and half of the upper arms; long_shirt: trunk and arms to the wrists; shorts: pelvis and legs to above
+        the knees.
+    :param level: one of ``LEVELS``.
+    :raises InputError: an unknown name, or a body out of which no such garment can be cut.
+    """
+    one_of("garment", name, GARMENTS)
+    one_of("level", level, tuple(LEVELS))
+    weights, triangles = cut_out(body.straight_m, body.triangles, _covered(body, name))
+    found = openings(triangles)
+    if found != OPENINGS[name]:
+        raise InputError(f"{name} cut out of body {body.name} has {found} openings; allowed: {OPENINGS[name]}")
+    while weights.shape[0] < LEVELS[level] * _FEWEST:
+        finer, triangles = loop(triangles, weights.shape[0])
+        weights = finer @ weights
+    if weights.shape[0] > LEVELS[level] * _MOST:
+        fewer, triangles = coarsened(weights @ body.straight_m, triangles, LEVELS[level])
+        weights = fewer @ weights
+    mesh = checked_mesh(weights @ body.straight_m, triangles, f"{name} on body {body.name}")
+    return Garment(name, level, mesh.triangles, weights, _bands(mesh), np.ones(len(triangles), dtype=bool))
+
+
+def garment_from_mesh(body: Body, mesh: SurfaceMesh, attached: Bools | None = None, farthest_m: float = 0.03) -> Garment:
+    """A garment drawn elsewhere around the straight body, tied to the nearest points of its skin.
+
+    :param attached: the triangles held to the body, ``(triangles,)``; None: a band at each opening.
+    :raises InputError: a faulty mesh, a vertex farther than ``farthest_m`` from the skin (the message says where), no opening
+        and no attachment given, or an attachment of another size.
+    """
+    checked = checked_mesh(mesh.vertices_m, mesh.triangles, mesh.name)
+    weights, distance = anchored(checked.vertices_m, body.straight_m, body.triangles)
+    far = int(distance.argmax())
+    if distance[far] > farthest_m:
+        place = "({:.3f}, {:.3f}, {:.3f}) m".format(*checked.vertices_m[far])
+        raise InputError(
+            f"{mesh.name}: vertex {far} at {place} is {distance[far]:.3f} m from body {body.name}; "
+            f"allowed: at most {farthest_m:g} m"
+        )
+    if attached is None and not len(checked.boundary_edges):
+        raise InputError(
+            f"{mesh.name}: it has no opening to be attached at; allowed: a mesh with a boundary, or a given attachment"
+        )
+    held = _bands(checked) if attached is None else np.asarray(attached, dtype=bool)
+    if held.shape != (len(checked.triangles),):
+        raise InputError(f"{mesh.name}: attached has shape {held.shape}; allowed: ({len(checked.triangles)},)")
+    on_skin = checked_mesh(weights @ body.straight_m, checked.triangles, f"{mesh.name} laid onto body {body.name}")
+    return Garment(mesh.name, "own", on_skin.triangles, weights, held, np.ones(len(held), dtype=bool))
+
+
+def _covered(body: Body, name: str) -> Floats:
+    """Above 0 where the garment covers the body's vertex, below 0 where not, ``(vertices,)``."""
+    weight, at, points = body.part_weights, body.joints_m, body.straight_m
+    if name == "sleeve":
+        return weight["upper_arm_l"] + weight["lower_arm_l"] - 0.5
+    if name == "knee_sleeve":
+        leg = at["knee_l"] - at["hip_l"]
+        along_m = (points - at["knee_l"]) @ leg / np.linalg.norm(leg)
+        own = weight["upper_leg_l"] + weight["lower_leg_l"] > 0.5
+        return np.where(own, KNEE_REACH_M - np.abs(along_m), -KNEE_REACH_M)
+    if name == "shorts":
+        covered = weight["pelvis"] + weight["upper_leg_l"] + weight["upper_leg_r"] - 0.5
+        return _shortened(covered, body, "upper_leg", "hip", "knee", SHORTS_LEG)
+    covered = weight["torso"] + sum(weight[f"upper_arm_{side}"] for side in "lr") - 0.5
+    if name == "shirt":
+        return _shortened(covered, body, "upper_arm", "shoulder", "elbow", SHORT_SLEEVE)
+    return covered + sum(weight[f"lower_arm_{side}"] for side in "lr")
+
+
+def _shortened(covered: Floats, body: Body, part: str, joint: str, end: str, share: float) -> Floats:
+    """The same without what lies beyond a share of the way between two joints."""
+    for side in "lr":
+        start, bone = body.joints_m[f"{joint}_{side}"], body.joints_m[f"{end}_{side}"] - body.joints_m[f"{joint}_{side}"]
+        beyond = (body.straight_m - start) @ bone / (bone @ bone) - share
+        covered = np.where(body.part_weights[f"{part}_{side}"] > 0.5, np.minimum(covered, -beyond), covered)
+    return covered
+
+
+def _bands(mesh: SurfaceMesh) -> Bools:
+    """Triangles whose centre is within the band's width of an opening, in a straight line.
+
+    On a limb 4 cm in radius that is 0.1 mm less than along the skin. It does not depend on how fine the mesh is.
+    """
+    from scipy.spatial import KDTree
+
+    start, end = (mesh.vertices_m[mesh.boundary_edges[:, i]] for i in range(2))
+    pieces = max(2, int(np.ceil(np.linalg.norm(end - start, axis=1).max() / 1e-3)))
+    along = (np.arange(pieces) / pieces)[:, None, None]
+    rim = ((1 - along) * start + along * end).reshape(-1, 3)
+    distance, _ = KDTree(rim).query(mesh.centres_m)
+    return np.asarray(distance < BAND_M)

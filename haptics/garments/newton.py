@@ -1,0 +1,143 @@
+"""Equilibrium by Newton's method with a sparse Cholesky factor."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from haptics.errors import HapticsError
+from haptics.garments.cholesky import NotDefinite, SparseCholesky
+from haptics.garments.mesh import Floats
+
+LARGEST_STEP_M = 0.01
+"""No vertex moves farther in one step: a longer one may jump across the body."""
+MOST_STEPS = 300
+SUFFICIENT = 1e-4
+"""Part of the decrease foretold by the slope that a step must reach (Armijo)."""
+DROWNED = 1e-13
+"""Energy differences below this part of the energy are rounding; from there on the force decides."""
+HALVINGS = 40
+LEAST_DAMPING_N_M3, FIRST_DAMPING_N_M3, MOST_DAMPING_N_M3 = 30.0, 1e4, 1e16
+DAMPING_FACTOR = 8.0
+
+
+class State(Protocol):
+    """An energy at some positions, with its derivatives there.
+
+    Unknowns that are fixed have no force and a row of the identity.
+    """
+
+    @property
+    def positions_m(self) -> Floats: ...
+    @property
+    def energy_j(self) -> float: ...
+    @property
+    def force_n(self) -> Floats:
+        """dE/dx, ``(vertices, 3)``: what must be applied from outside to hold it there."""
+        ...
+
+    def stiffness(self, damping_n_m3: float) -> Floats:
+        """d2E/dx2 in the solver's pattern, with ``damping`` times its area added at each vertex."""
+        ...
+
+    def after(self, step_m: Floats) -> Floats:
+        """Positions after a step: their sum, but for terms of second order that the problem knows better."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """Where Newton's method ended.
+
+    :param residual_n: 2-norm of all nodal forces.
+    :param steps: Newton steps made.
+    """
+
+    positions_m: Floats
+    converged: bool
+    residual_n: float
+    steps: int
+
+
+def equilibrium(
+    state_at: Callable[[Floats], State],
+    solver: SparseCholesky,
+    start_m: Floats,
+    tolerance_n: float,
+    damping_n_m3: float = 0.0,
+    most_steps: int = MOST_STEPS,
+) -> Solution:
+    """Positions with no force left, from ``start_m``.
+
+    Newton's steps, shortened to ``LARGEST_STEP_M`` and until the energy falls as its slope foretells. Damping, a stiffness per
+    area that holds each vertex where it is, grows while steps have to be shortened or the stiffness has no Cholesky factor, and
+    dies out as soon as whole steps succeed: slack cloth, that nothing holds, does not fly off, and the end is Newton's own
+    quadratic one. Close to the end, where differences of the energy are rounding, a step must lessen the force instead.
+
+    :param state_at: the energy and its derivatives at positions.
+    :param tolerance_n: on the 2-norm of the nodal forces.
+    :param damping_n_m3: to begin with: none near the solution, some 1e5 far from it.
+    :raises HapticsError: forces or stiffness that are no numbers.
+    """
+    state, damping = state_at(np.array(start_m)), damping_n_m3
+    for step in range(most_steps):
+        residual = _residual_n(state)
+        if residual <= tolerance_n:
+            return Solution(state.positions_m, True, residual, step)
+        damping = _factorise(state, solver, damping)
+        direction = -solver.solve(state.force_n.ravel()).reshape(state.force_n.shape)
+        next_state, part = _advance(state_at, state, direction)
+        if part == 0.0:
+            return Solution(state.positions_m, False, residual, step + 1)
+        state, damping = next_state, _next_damping(damping, part)
+    residual = _residual_n(state)
+    return Solution(state.positions_m, residual <= tolerance_n, residual, most_steps)
+
+
+def _residual_n(state: State) -> float:
+    residual = _size(state.force_n)
+    if not np.isfinite(residual):
+        raise HapticsError("the forces in the cloth are not finite: it has been torn beyond any number")
+    return residual
+
+
+def _size(forces: Floats) -> float:
+    """2-norm: not by BLAS, whose threads would get in the way of the solver's."""
+    return float(np.sqrt(np.sum(forces * forces)))
+
+
+def _factorise(state: State, solver: SparseCholesky, damping: float) -> float:
+    """Factor the stiffness with the least damping tried that gives a factor, and tell that damping."""
+    while damping <= MOST_DAMPING_N_M3:
+        try:
+            solver.factorise(state.stiffness(damping))
+            return damping
+        except NotDefinite:
+            damping = max(DAMPING_FACTOR * damping, FIRST_DAMPING_N_M3)
+    raise HapticsError(f"no damping up to {MOST_DAMPING_N_M3:g} N/m3 makes the stiffness of the cloth definite")
+
+
+def _next_damping(damping: float, part: float) -> float:
+    if part > 0.9:
+        damping /= DAMPING_FACTOR
+    elif part < 0.3:
+        damping = max(DAMPING_FACTOR * damping, LEAST_DAMPING_N_M3)
+    return damping if damping >= LEAST_DAMPING_N_M3 else 0.0
+
+
+def _advance(state_at: Callable[[Floats], State], state: State, direction: Floats) -> tuple[State, float]:
+    """The next state, and what part of the whole step was taken: 0 where none helps."""
+    slope, residual = float(np.sum(state.force_n * direction)), _size(state.force_n)
+    part = min(1.0, LARGEST_STEP_M / max(float(np.sqrt(np.einsum("ij,ij->i", direction, direction).max())), 1e-300))
+    for _ in range(HALVINGS):
+        trial = state_at(state.after(part * direction))
+        if trial.energy_j - state.energy_j <= SUFFICIENT * part * slope:
+            return trial, part
+        drowned = abs(part * slope) <= DROWNED * abs(state.energy_j)
+        if drowned and _size(trial.force_n) < residual:
+            return trial, part
+        part *= 0.5
+    return state, 0.0

@@ -1,0 +1,335 @@
+"""A garment on a posed body, at rest: where every force on the cloth has died out (thesis 5.4.4, eq. 5.9, 5.10).
+
+E(x) = E_garment + E_attachments + E_contact + a small pull towards the posed body's copy of the garment, which places cloth that
+hangs slack and carries no load. Contact and attachments are stiffnesses per area, so that they do not depend on the mesh.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+
+from haptics.errors import InputError
+from haptics.garments.cholesky import SparseCholesky, open_solver
+from haptics.garments.contact import Contact
+from haptics.garments.garment import Garment
+from haptics.garments.materials import CLOTH, INTERFACE, REINFORCED, Interface, Lame, Material
+from haptics.garments.membrane import Membrane
+from haptics.garments.mesh import Bools, Floats, Ints, SurfaceMesh
+from haptics.garments.newton import equilibrium
+from haptics.garments.stiffness import StiffnessPattern
+from haptics.garments.surface import ImplicitBody, nearest_vertices, neighbour_lists
+
+TOLERANCE_N = 1e-7
+"""Force left over in the whole garment, 2-norm (thesis 5.4.4)."""
+COLD_DAMPING_N_M3 = 1e5
+"""Damping to begin with where the start is the posed body's copy."""
+MOST_ROUNDS = 6
+NEAR_N = 1e-3
+"""Force left over at which the vertices' homes are looked at for the first time."""
+SAME_SKIN_M = 1e-6
+DEEP_M = 1e-3
+"""Cloth deeper inside the body than contact ever lets it sink is brought to the surface before the start."""
+
+
+@dataclass(frozen=True, eq=False)
+class Equilibrium:
+    """A garment whose forces balance, or the nearest to it that was found (``converged`` says which).
+
+    :param positions_m: ``(vertices, 3)``.
+    :param residual_n: 2-norm of the nodal forces left.
+    :param energy_j: strain energy of the cloth.
+    :param element_energy_j: the same of each triangle, ``(triangles,)``.
+    :param stretches: principal stretches, larger first, ``(triangles, 2)``.
+    """
+
+    positions_m: Floats
+    converged: bool
+    residual_n: float
+    tolerance_n: float
+    iterations: int
+    energy_j: float
+    element_energy_j: Floats
+    stretches: Floats
+    attachment_j: float
+    contact_j: float
+
+
+@dataclass(frozen=True, eq=False)
+class Skin:
+    """A posed body as the garment feels it.
+
+    :param surface: its smooth surface.
+    :param copy_m: the garment moved along with the body and onto its surface, ``(vertices, 3)``.
+    :param homes: the body vertex nearest to each vertex of the copy.
+    :param anchors_m: where the centres of the attached triangles are held.
+    """
+
+    surface: ImplicitBody
+    copy_m: Floats
+    homes: Ints
+    anchors_m: Floats
+
+
+class Reinforceable(Protocol):
+    """Cloth that can be reinforced triangle by triangle and then loaded: a garment on a body, a patch on the bench."""
+
+    @property
+    def rest(self) -> SurfaceMesh: ...
+    @property
+    def triangles(self) -> Ints: ...
+    @property
+    def areas_m2(self) -> Floats: ...
+    @property
+    def designable(self) -> Bools: ...
+    def solve(self, design: Bools, start: Floats | None = None) -> Equilibrium:
+        """The loaded state with the triangles of ``design`` reinforced."""
+        ...
+
+
+class GarmentOnBody:
+    """One garment, one motion: at rest on the body in one pose, then worn in another.
+
+    :param garment: what is worn.
+    :param body_triangles: the body's mesh.
+    :param rest_body_m, posed_body_m: its vertices in the two poses, ``(vertices, 3)``.
+    :param solver: see ``cholesky.installed_solvers``; None takes the fastest.
+    :raises InputError: arrays that do not fit together, or a garment that does not lie on the body.
+    """
+
+    def __init__(
+        self,
+        garment: Garment,
+        body_triangles: Ints,
+        rest_body_m: Floats,
+        posed_body_m: Floats,
+        cloth: Material = CLOTH,
+        reinforced: Material = REINFORCED,
+        interface: Interface = INTERFACE,
+        lame: Lame = "plane",
+        solver: str | None = None,
+        tolerance_n: float = TOLERANCE_N,
+    ):
+        require_float64("rest_body_m", rest_body_m)
+        rest_body = SurfaceMesh(rest_body_m, body_triangles, "body at rest")
+        self.garment, self.interface, self.tolerance_n = garment, interface, tolerance_n
+        self._lame = np.array([cloth.lame_n_m(lame), reinforced.lame_n_m(lame)])
+        self._rest_body_shape = rest_body_m.shape
+        self._lists = neighbour_lists(rest_body)
+        copied = garment.on(rest_body_m)
+        rest_m, self._rest_homes = ImplicitBody(rest_body, self._lists).project(copied, nearest_vertices(copied, rest_body_m))
+        self.rest = SurfaceMesh(rest_m, garment.triangles, garment.name)
+        self.membrane = Membrane.at_rest(self.rest)
+        self._body_triangles = body_triangles
+        areas = self.rest.vertex_areas_m2
+        self._contact = Contact(interface.contact_n_m3 * areas, interface.rounding_m)
+        self._placing_n_m = interface.regulariser_n_m3 * areas
+        self._attached = np.flatnonzero(garment.attached)
+        self._attachment_n_m = interface.attachment_n_m3 * self.areas_m2[self._attached]
+        self._pattern = StiffnessPattern(len(rest_m), garment.triangles)
+        self._solver: SparseCholesky = open_solver(solver, self._pattern.indptr, self._pattern.indices)
+        self.wear(posed_body_m)
+
+    def wear(self, posed_body_m: Floats) -> Skin:
+        """Put the body into another pose: the next ``solve`` is there.
+
+        The attached parts move with the skin that they lie on.
+        """
+        self._skin = self.skin(posed_body_m)
+        self._homes = self._skin.homes
+        return self._skin
+
+    def skin(self, posed_body_m: Floats) -> Skin:
+        """The body in a pose, as this garment feels it.
+
+        :raises InputError: vertices of another body, not finite or not float64.
+        """
+        require_float64("posed_body_m", posed_body_m)
+        if posed_body_m.shape != self._rest_body_shape or not np.isfinite(posed_body_m).all():
+            raise InputError(f"posed_body_m has shape {posed_body_m.shape}; allowed: {self._rest_body_shape}, finite")
+        surface = ImplicitBody(SurfaceMesh(posed_body_m, self._body_triangles, "posed body"), self._lists)
+        copy, homes = surface.project(self.garment.on(posed_body_m), self._rest_homes)
+        return Skin(surface, copy, homes, copy[self.triangles[self._attached]].mean(axis=1))
+
+    def pose_energy_j(self, positions_m: Floats, skin: Skin) -> float:
+        """What depends on the pose in the energy of the last equilibrium's cloth: contact, attachments, placing.
+
+        With the positions held, its derivative by an angle of the pose is the whole energy's: the cloth is in equilibrium.
+        """
+        held, placed = self._away(positions_m, skin)
+        return (
+            float(self._contact.energy_j(skin.surface.distance_m(positions_m, self._homes)).sum())
+            + 0.5 * float(self._attachment_n_m @ np.einsum("ij,ij->i", held, held))
+            + 0.5 * float(self._placing_n_m @ np.einsum("ij,ij->i", placed, placed))
+        )
+
+    def _away(self, positions_m: Floats, skin: Skin) -> tuple[Floats, Floats]:
+        """How far the attached triangles' centres are from where they are held, and each vertex from the posed body's copy."""
+        return positions_m[self.triangles[self._attached]].mean(axis=1) - skin.anchors_m, positions_m - skin.copy_m
+
+    @property
+    def triangles(self) -> Ints:
+        return self.garment.triangles
+
+    @property
+    def areas_m2(self) -> Floats:
+        return self.rest.areas_m2
+
+    @property
+    def designable(self) -> Bools:
+        return self.garment.designable
+
+    @property
+    def solver_name(self) -> str:
+        """Which sparse Cholesky is at work."""
+        return self._solver.name
+
+    def solve(self, design: Bools, start: Floats | None = None) -> Equilibrium:
+        """The equilibrium with the triangles of ``design`` reinforced.
+
+        :param design: ``(triangles,)``.
+        :param start: positions to start from, ``(vertices, 3)``: those of a similar design or pose, else the posed body's copy.
+        :raises InputError: arrays of the wrong shape or kind.
+        """
+        if design.shape != (len(self.triangles),) or design.dtype != np.bool_:
+            raise InputError(f"design is {design.dtype} of shape {design.shape}; allowed: bool of shape ({len(self.triangles)},)")
+        if start is not None:
+            require_float64("start", start)
+            if start.shape != self._skin.copy_m.shape or not np.isfinite(start).all():
+                raise InputError(f"start has shape {start.shape}; allowed: {self._skin.copy_m.shape}, finite")
+        self._constants = self._lame[design.astype(np.int64)]
+        # Where the body has moved since, cloth may lie inside it: first onto the skin, from where the contact feels it.
+        self._homes = self._skin.homes
+        x = self._skin.copy_m if start is None else self._outside(start)
+        left = np.full_like(self._homes, -1)
+        near = max(self.tolerance_n, NEAR_N)
+        solution = equilibrium(self.state, self._solver, x, near, COLD_DAMPING_N_M3 if start is None else 0.0)
+        steps, moved = solution.steps, True
+        for _ in range(MOST_ROUNDS):
+            if not solution.converged or not moved:
+                break
+            moved = self._go_home(solution.positions_m, left) or solution.residual_n > self.tolerance_n
+            if moved:
+                solution = equilibrium(self.state, self._solver, solution.positions_m, self.tolerance_n)
+                steps += solution.steps
+        x = solution.positions_m
+        energies = self.membrane.element_energy_j(x, self._constants)
+        held, _ = self._away(x, self._skin)
+        return Equilibrium(
+            x,
+            solution.converged,
+            solution.residual_n,
+            self.tolerance_n,
+            steps,
+            float(energies.sum()),
+            energies,
+            self.membrane.stretches(x),
+            0.5 * float(self._attachment_n_m @ np.einsum("ij,ij->i", held, held)),
+            float(self._contact.energy_j(self._skin.surface.distance_m(x, self._homes)).sum()),
+        )
+
+    def state(self, positions_m: Floats) -> WornState:
+        """The garment at any positions, with the design of the last ``solve``."""
+        return WornState(self, positions_m)
+
+    def _go_home(self, positions_m: Floats, left: Ints) -> bool:
+        """Let the vertices' homes follow them; True where that moves the skin that a vertex feels.
+
+        Homes stay while Newton's method is at work: in a crease another home may see other skin, and energy would jump. There a
+        vertex may be drawn to and fro between two homes: none goes back to one that it has ``left``.
+        """
+        surface, before = self._skin.surface, self._homes
+        now = surface.walk_home(positions_m, before)
+        now = np.where(now == left, before, now)
+        left[:] = np.where(now != before, before, left)
+        felt = [np.minimum(surface.distance_m(positions_m, homes), 0.0) for homes in (before, now)]
+        self._homes = now
+        return bool(np.abs(felt[1] - felt[0]).max() > SAME_SKIN_M)
+
+    def _outside(self, positions_m: Floats) -> Floats:
+        """``positions_m`` with what lies too deep inside the body brought onto its surface."""
+        self._homes = self._skin.surface.walk_home(positions_m, self._skin.homes)
+        deep = self._skin.surface.distance_m(positions_m, self._homes) < -DEEP_M
+        x = positions_m.copy()
+        if deep.any():
+            x[deep], self._homes[deep] = self._skin.surface.project(positions_m[deep], self._homes[deep])
+        return x
+
+
+class WornState:
+    """The garment at some positions: energy, force and stiffness, each worked out when first asked for."""
+
+    def __init__(self, worn: GarmentOnBody, positions_m: Floats):
+        self._worn, self.positions_m = worn, positions_m
+        cloth = worn.membrane.element_energy_j(positions_m, worn._constants).sum()
+        self.energy_j = float(cloth) + worn.pose_energy_j(positions_m, worn._skin)
+
+    @cached_property
+    def _felt(self) -> tuple[Floats, Floats, Floats]:
+        return self._worn._skin.surface.distance_and_curvature(self.positions_m, self._worn._homes)
+
+    @property
+    def force_n(self) -> Floats:
+        return self._force_n
+
+    @cached_property
+    def _force_n(self) -> Floats:
+        worn = self._worn
+        out = worn.membrane.gradient_n(self.positions_m, worn._constants)
+        held, placed = worn._away(self.positions_m, worn._skin)
+        pull = worn._attachment_n_m[:, None] * held / 3
+        for k in range(3):
+            np.add.at(out, worn.triangles[worn._attached, k], pull)
+        phi, gradient, _ = self._felt
+        return out + worn._placing_n_m[:, None] * placed + worn._contact.slope_n(phi)[:, None] * gradient
+
+    def stiffness(self, damping_n_m3: float) -> Floats:
+        worn = self._worn
+        element = worn.membrane.element_hessians_n_m(self.positions_m, worn._constants)
+        for a in range(3):
+            for b in range(3):
+                for i in range(3):
+                    element[worn._attached, 3 * a + i, 3 * b + i] += worn._attachment_n_m / 9
+        phi, gradient, hessian = self._felt
+        vertex = worn._contact.stiffness_n_m(phi)[:, None, None] * gradient[:, :, None] * gradient[:, None, :]
+        vertex += worn._contact.slope_n(phi)[:, None, None] * hessian
+        vertex[:, range(3), range(3)] += (worn._placing_n_m + damping_n_m3 * worn.rest.vertex_areas_m2)[:, None]
+        return worn._pattern.values(element, vertex)
+
+    def after(self, step_m: Floats) -> Floats:
+        """The cloth after a step, kept from diving into the body and sliding around it where it touches.
+
+        Newton's step knows nothing of skin that a vertex does not touch yet: one that would land deep inside is set down on the
+        surface, just deep enough for the next step to feel it. And along a straight line a vertex that slides by d leaves the
+        skin by d^2/2R, 10 um for 1 mm on a forearm: vertices in contact end at the depth that the step's normal part asks for.
+        """
+        surface, homes, rounding = self._worn._skin.surface, self._worn._homes, self._worn.interface.rounding_m
+        phi, gradient, _ = self._felt
+        x = self.positions_m + step_m
+        touching = phi < 0
+        landing = ~touching & (surface.distance_m(x, homes) < -rounding)
+        depth = np.full(len(phi), -rounding)
+        depth[touching] = phi[touching] + np.einsum("ij,ij->i", gradient[touching], step_m[touching])
+        shallow = touching & (phi > -rounding)
+        depth[shallow] = np.maximum(depth[shallow], phi[shallow] - rounding)
+        moved = np.flatnonzero(touching | landing)
+        for _ in range(2):
+            now, normal = surface.distance_and_slope(x[moved], homes[moved])
+            off = np.where(np.isfinite(now), depth[moved] - now, 0.0)
+            x[moved] += (off / np.maximum(np.einsum("ij,ij->i", normal, normal), 0.25))[:, None] * normal
+        return x
+
+
+def require_float64(name: str, positions: Floats) -> None:
+    """Refuse other kinds of number.
+
+    :raises InputError: not float64. In float32 rounding alone leaves some 4e-4 N, thousands of times the tolerance.
+    """
+    if np.asarray(positions).dtype != np.float64:
+        raise InputError(
+            f"{name} is {np.asarray(positions).dtype}; allowed: float64 "
+            "(in float32 rounding alone leaves 4e-4 N, the tolerance is 1e-7 N)"
+        )

@@ -1,0 +1,1 @@
+"""Table 5.1 of the thesis beside the same designs made here."""
