@@ -54,15 +54,15 @@ def fitted(shape: Callable[[float], Layout], coverage: float, side_m: float) -> 
     :param coverage: 0 to 1.
     :raises InputError: a coverage outside 0 to 1, or more than the family can cover.
     """
-    from scipy.optimize import brentq
+    from scipy.optimize import root_scalar
 
     in_range("coverage", coverage, 0.0, 1.0)
     if coverage == 0.0:
         return ()
     widest = 2.0 * side_m
     in_range("coverage", coverage, 0.0, covered(shape(widest), side_m))
-    width = brentq(lambda w: covered(shape(float(w)), side_m) - coverage, 0.0, widest, xtol=1e-14)
-    return shape(float(width))
+    found = root_scalar(lambda w: covered(shape(float(w)), side_m) - coverage, bracket=(0.0, widest), xtol=1e-14)
+    return shape(float(found.root))
 
 
 def parallel(count: int, angle_deg: float, side_m: float) -> Callable[[float], Layout]:

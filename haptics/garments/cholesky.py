@@ -12,11 +12,10 @@ Fastest first, as measured by `make bench`.
 
 from __future__ import annotations
 
-import os
 import weakref
 from collections.abc import Callable
 from importlib.util import find_spec
-from typing import Any, Protocol
+from typing import Any, Protocol, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -81,13 +80,13 @@ class _Pardiso:
     name = "pardiso"
 
     def __init__(self, indptr: Indices, indices: Indices):
-        # MKL's threads would go on spinning after each call, on the cores that the rest needs; read once, when MKL is loaded.
-        os.environ.setdefault("KMP_BLOCKTIME", "0")
         from pypardiso import PyPardisoSolver
         from scipy.sparse import csr_matrix
 
         self._upper = _Upper(indptr, indices)
-        self._solver = PyPardisoSolver(mtype=2)  # real, symmetric, positive definite
+        self._solver: Any = PyPardisoSolver(mtype=2)  # real, symmetric, positive definite
+        # On several threads the last bits of the result change from run to run, and at this size little is gained.
+        self._solver.libmkl.MKL_Set_Num_Threads(1)
         n = len(indptr) - 1
         self._matrix = csr_matrix((np.zeros(len(self._upper.indices)), self._upper.indices, self._upper.indptr), shape=(n, n))
         self._none: Floats = np.zeros((n, 1))
@@ -168,7 +167,7 @@ class _SuperLu:
 
         n = len(indptr) - 1
         # Three unknowns a vertex share a pattern: the order is that of the vertices.
-        places: Any = csr_array((np.arange(len(indices)), indices, indptr), shape=(n, n))
+        places = cast(Any, csr_array((np.arange(len(indices)), indices, indptr), shape=(n, n)))
         vertices = nested_dissection(csr_array((np.ones(len(indices)), indices, indptr), shape=(n, n))[::3, ::3])
         self._order = (3 * vertices[:, None] + np.arange(3)).ravel()
         ordered = csc_array(places[self._order][:, self._order])

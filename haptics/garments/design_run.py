@@ -116,7 +116,7 @@ def run_design(
             refuse_existing(path, force or resume)
     say(f"putting {job.garment} on body {job.body}")
     worn = put_on(job)
-    _make_room(out, paths, resume)
+    _make_room(out, [] if resume else list(paths.values()))
     sequence, seconds, stopped = _designed(job, worn, paths[STORE], progress)
     say("rating the drawn line and X")
     drawn = {shape: _baseline(worn, shape, sequence.final) for shape in SHAPES}
@@ -132,15 +132,14 @@ def run_design(
     return report
 
 
-def _make_room(out: Path, paths: dict[str, Path], resume: bool) -> None:
-    """The folder, and nothing in it that shows older designs than the store that is begun."""
+def _make_room(out: Path, stale: list[Path]) -> None:
+    """The folder, without what would show older designs than those that are begun."""
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"{out}: no folder can be made there ({error.strerror or error})") from error
-    for name, path in paths.items():
-        if not (resume and name == STORE):
-            path.unlink(missing_ok=True)
+    for path in stale:
+        path.unlink(missing_ok=True)
 
 
 def _designed(

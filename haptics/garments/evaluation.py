@@ -99,7 +99,10 @@ def evaluate_design(
     :raises LimitError: no equilibrium at the end of the motion, so that nothing can be rated.
     """
     in_range("steps", steps, 1, 1000)
+    if against is not None and against not in SHAPES:
+        _is_mask(Path(against), f"{', '.join(SHAPES)}, or a mask")
     if path.suffix.lower() in MASKS:
+        _is_mask(path, "a mask")
         if job is None:
             raise InputError(f"{path} is a mask: it does not say what is worn; allowed: with a garment and a motion")
         worn = put_on(job)
@@ -141,16 +144,15 @@ def _opponent(worn: WornMotion, against: str, coverage: float, steps: int) -> Ra
         best = best_drawn(worn.simulation, against, coverage)
         return _rated(worn, against, best.design, steps, best.place)
     path = Path(against)
-    if path.suffix.lower() not in MASKS:
-        raise InputError(
-            f"against = {against!r} is not allowed; allowed: {', '.join(SHAPES)}, or a file ending in {', '.join(MASKS)}"
-        )
     return _rated(worn, path.name, _mask(worn, path, coverage), steps)
+
+
+def _is_mask(path: Path, allowed: str) -> None:
+    if path.suffix.lower() not in MASKS or not path.is_file():
+        raise InputError(f"{path}: no such design; allowed: {allowed}, a file that ends in {', '.join(MASKS)}")
 
 
 def _mask(worn: WornMotion, path: Path, coverage: float | None) -> Bools:
     rest = worn.simulation.rest.at(worn.garment.on(worn.body.straight_m))
-    if not path.is_file():
-        raise InputError(f"{path}: no such file; allowed: a mask ending in {', '.join(MASKS)}")
     mask = read_mask(path, rest)
     return mask if coverage is None else with_coverage(mask, rest, worn.simulation.designable, coverage)

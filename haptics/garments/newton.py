@@ -80,7 +80,7 @@ def equilibrium(
     :param state_at: the energy and its derivatives at positions.
     :param tolerance_n: on the 2-norm of the nodal forces.
     :param damping_n_m3: to begin with: none near the solution, some 1e5 far from it.
-    :raises HapticsError: forces or stiffness that are no numbers.
+    :raises HapticsError: forces that are no numbers.
     """
     state, damping = state_at(np.array(start_m)), damping_n_m3
     for step in range(most_steps):
@@ -88,6 +88,8 @@ def equilibrium(
         if residual <= tolerance_n:
             return Solution(state.positions_m, True, residual, step)
         damping = _factorise(state, solver, damping)
+        if damping > MOST_DAMPING_N_M3:
+            return Solution(state.positions_m, False, residual, step)
         direction = -solver.solve(state.force_n.ravel()).reshape(state.force_n.shape)
         next_state, part = _advance(state_at, state, direction)
         if part == 0.0:
@@ -110,14 +112,14 @@ def _size(forces: Floats) -> float:
 
 
 def _factorise(state: State, solver: SparseCholesky, damping: float) -> float:
-    """Factor the stiffness with the least damping tried that gives a factor, and tell that damping."""
+    """Factor the stiffness with the least damping tried that gives a factor, and tell that damping; above the most: none does."""
     while damping <= MOST_DAMPING_N_M3:
         try:
             solver.factorise(state.stiffness(damping))
             return damping
         except NotDefinite:
             damping = max(DAMPING_FACTOR * damping, FIRST_DAMPING_N_M3)
-    raise HapticsError(f"no damping up to {MOST_DAMPING_N_M3:g} N/m3 makes the stiffness of the cloth definite")
+    return damping
 
 
 def _next_damping(damping: float, part: float) -> float:

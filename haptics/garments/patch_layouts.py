@@ -37,8 +37,8 @@ FAMILIES: dict[str, Family] = {
 """Layouts by the width of their bands; angles from the pull."""
 
 READINGS = ("plane", "thesis", "plane, sliding", "plane, thick")
-"""Lamé's constants of ``Material.lame_n_m``; clamps that let the cloth narrow; the stated 0.35 mm as the vinyl's own thickness, on
-top of the cloth's 0.27 mm."""
+"""Lamé's constants of ``Material.lame_n_m``; clamps that let the cloth narrow; the stated 0.35 mm as the thickness of the vinyl
+alone, on top of the cloth's 0.27 mm."""
 
 
 @dataclass(frozen=True)
@@ -90,13 +90,13 @@ def coverage_for(
 
     :raises InputError: a force below that of cloth alone or above that of the full patch; names and numbers as in ``try_layout``.
     """
-    from scipy.optimize import brentq
+    from scipy.optimize import root_scalar
 
     def force_at(coverage: float) -> float:
         return try_layout(family, reading, coverage, strain, elements).force_n
 
     in_range("force", force_n, force_at(0.0), force_at(1.0), "N")
-    return float(brentq(lambda c: force_at(float(c)) - force_n, 0.0, 1.0, xtol=5e-4))
+    return float(root_scalar(lambda c: force_at(float(c)) - force_n, bracket=(0.0, 1.0), xtol=5e-4).root)
 
 
 def most_energy_j(

@@ -32,41 +32,44 @@ def patch_mesh(layout: Layout, side_m: float, elements: int) -> SurfaceMesh:
     :param layout: bands whose edges the triangles follow.
     :raises InputError: bands so thin, or so nearly meeting, that no triangulation follows them.
     """
-    from scipy.spatial import Delaunay, cKDTree
+    from scipy.spatial import Delaunay, KDTree
 
     spacing = side_m * sqrt(4 / (sqrt(3) * elements))
     lines = _lines(layout, 0.5 * side_m)
     meetings = [_meetings(line, lines, side_m) for line in lines]
-    near = cKDTree(np.concatenate([a + np.array(t)[:, None] * (b - a) for (a, b), t in zip(lines, meetings, strict=True)]))
+    near = KDTree(np.concatenate([a + np.array(t)[:, None] * (b - a) for (a, b), t in zip(lines, meetings, strict=True)]))
     pieces = [_divided(line, met, spacing) for line, met in zip(lines, meetings, strict=True)]
     free = _lattice(lines, side_m, spacing)
 
-    def long(a: Floats, b: Floats) -> Bools:
+    def too_long(a: Floats, b: Floats) -> Bools:
         length = np.linalg.norm(b - a, axis=1)
         return (length > FINEST * spacing) & (length > GRADING * near.query(0.5 * (a + b))[0])
 
     for _ in range(MOST_ROUNDS):
-        points, inverse = _merged([*pieces, free], side_m)
+        points, numbers = _merged([*pieces, free], side_m)
         triangles = Delaunay(points).simplices.astype(np.int64)
-        edges = np.unique(np.sort(triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1) @ [len(points), 1])
-        bound, halved = [], False
-        first = 0
+        edges = _keys(triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), len(points))
+        on_lines, done, first = [], True, 0
         for k, piece in enumerate(pieces):
-            ids = inverse[first : first + len(piece)]
+            ends = np.stack([numbers[first : first + len(piece) - 1], numbers[first + 1 : first + len(piece)]], axis=1)
             first += len(piece)
-            pairs = np.sort(np.stack([ids[:-1], ids[1:]], axis=1), axis=1)
-            keys = pairs @ [len(points), 1]
-            bound.append(keys)
-            split = np.flatnonzero((pairs[:, 0] != pairs[:, 1]) & (~np.isin(keys, edges) | long(piece[:-1], piece[1:])))
-            pieces[k] = np.insert(piece, split + 1, 0.5 * (piece[split] + piece[split + 1]), axis=0)
-            halved |= len(split) > 0
-        inner = np.setdiff1d(edges, np.concatenate(bound))
-        a, b = points[inner // len(points)], points[inner % len(points)]
-        split = long(a, b)
-        free = np.concatenate([free, 0.5 * (a[split] + b[split])])
-        if not halved and not split.any():
+            keys = _keys(ends, len(points))
+            on_lines.append(keys)
+            halve = np.flatnonzero((ends[:, 0] != ends[:, 1]) & (~np.isin(keys, edges) | too_long(piece[:-1], piece[1:])))
+            pieces[k] = np.insert(piece, halve + 1, 0.5 * (piece[halve] + piece[halve + 1]), axis=0)
+            done &= len(halve) == 0
+        between = np.setdiff1d(edges, np.concatenate(on_lines))
+        a, b = points[between // len(points)], points[between % len(points)]
+        halve = too_long(a, b)
+        free = np.concatenate([free, 0.5 * (a[halve] + b[halve])])
+        if done and not halve.any():
             return _oriented(points, triangles)
     raise InputError(f"no triangulation follows the edges of {layout}; allowed: bands that are wider, or farther apart")
+
+
+def _keys(ends: Ints, points: int) -> Ints:
+    """One number for each pair of point numbers, whichever way round."""
+    return ends.min(axis=1) * points + ends.max(axis=1)
 
 
 def _lines(layout: Layout, half: float) -> list[Segment]:

@@ -23,6 +23,10 @@ NEIGHBOURS = 60
 """Body vertices that a home sees. Fewer truncate the support where the body's mesh is uneven."""
 
 
+LEAST_WEIGHT = 1e-3
+"""Below this sum of the phi_k, at nine tenths of every support, the quotient is steep and means nothing: no skin is felt there."""
+
+
 def neighbour_lists(rest: SurfaceMesh, count: int = NEIGHBOURS) -> Ints:
     """For each body vertex the ``count`` nearest others along the skin at rest, itself first, ``(vertices, count)``.
 
@@ -202,7 +206,7 @@ def _imls(points, homes, vertices, normals, support, lists, order):
                     curved = bend * x[a] * x[b] + (slope if a == b else 0.0)
                     top2[a, b] += slope * (normals[k, a] * x[b] + x[a] * normals[k, b]) + plane * curved
                     bottom2[a, b] += curved
-        if bottom <= 1e-14:  # a millimetre from the rim of all supports the quotient means nothing
+        if bottom <= LEAST_WEIGHT:
             continue
         phi[i] = top / bottom
         if order == 0:

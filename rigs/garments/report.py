@@ -13,7 +13,7 @@ from rigs.reference import curve
 from rigs.report import Block, Page, render_page
 from rigs.report.page import Picture, Table
 
-VERTICES, STEPS, SECONDS, INCREASE = "table51_vertices", "table51_steps", "table51_seconds", "table51_increase"
+VERTICES, STEPS, SECONDS, INCREASE = "table51_vertices", "table51_steps", "table51_time", "table51_density"
 WHY = (
     "The source's bodies are SMPL shapes in recorded poses. Neither shapes nor poses nor drawings of the designs are "
     "published: ours is another body, and the angles of the motions and the joints' shares of them are assumed. The "
@@ -92,7 +92,7 @@ def _costs(rows: Sequence[MadeRow]) -> Table:
         cells.append(
             (
                 row.case.written,
-                f"{curve(VERTICES).at(row.case.label).y:.0f}",
+                f"{1e3 * curve(VERTICES).at(row.case.label).y:.0f}",
                 data.get("vertices"),
                 f"{curve(STEPS).at(row.case.label).y:.0f}",
                 f"{data['steps']} ({data['converged_steps']})" if data else None,
@@ -109,7 +109,7 @@ def _differences(rows: Sequence[MadeRow]) -> Table:
     cells = []
     for row in rows:
         share = None if row.data is None else row.data["density_increase"] / curve(INCREASE).at(row.case.label).y
-        mesh = None if row.data is None else row.data["vertices"] / curve(VERTICES).at(row.case.label).y
+        mesh = None if row.data is None else row.data["vertices"] / (1e3 * curve(VERTICES).at(row.case.label).y)
         motion = MOTIONS[row.case.motion]
         joints = ", ".join(sorted({joint.split("_")[0] for joint in motion.turns}))
         cells.append((row.case.written, _ratio(share), _ratio(mesh), f"{motion.default_deg:g}° and its shares of: {joints}"))

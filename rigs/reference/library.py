@@ -11,8 +11,8 @@ from haptics.errors import InputError
 from rigs.reference.published import Contradiction, Curve, Published
 from rigs.reference.reading import Reference, read_reference
 
-FILES = ("tactiles.toml", "brake.toml", "garments.toml")
-"""Chapters 3, 4 and 6."""
+FILES = ("tactiles.toml", "brake.toml", "passive_garments.toml", "garments.toml")
+"""Chapters 3, 4, 5 and 6."""
 
 
 @lru_cache(maxsize=1)

@@ -202,7 +202,7 @@ def _keys(where: str, row: dict[str, Any], needs: tuple[str, ...], may: tuple[st
 
 def _section(where: str, section: Any) -> str:
     if section not in SECTIONS:
-        raise InputError(f"{where}: section = {section!r}; allowed: a section of chapters 3, 4, 6 or 7.1 as a string")
+        raise InputError(f"{where}: section = {section!r}; allowed: a section of chapters 3 to 6 or 7.1 as a string")
     return section
 
 

@@ -5,8 +5,8 @@ principal stretches. Wrinkled cloth depends on the larger singular value of F on
 
     Q = |(F11 + F22, F21 - F12)| / 2,    R = |(F11 - F22, F21 + F12)| / 2,
 
-two norms whose second derivatives are known. The natural width comes from Lambert's W. The meshes follow the designs, each in a way of
-its own: a grid bent along a strip, or squares cut by both diagonals for an X.
+two norms whose second derivatives are known. The natural width comes from Lambert's W. The meshes follow the designs in ways of
+their own: a grid bent along a strip, squares cut by both diagonals for an X.
 """
 
 from __future__ import annotations
@@ -127,7 +127,11 @@ def judge_patch(
     @BilinearForm
     def stiffness(u, v, w):
         return sum(
-            w[f"t{i}{j}{k}{m}"] * u.grad[k, m] * v.grad[i, j] for i in range(2) for j in range(2) for k in range(2) for m in range(2)
+            w[f"t{i}{j}{k}{m}"] * u.grad[k, m] * v.grad[i, j]
+            for i in range(2)
+            for j in range(2)
+            for k in range(2)
+            for m in range(2)
         )
 
     def state(u: Array) -> tuple[float, dict[str, Array], Array]:
@@ -179,7 +183,9 @@ def even_mesh(cells: int) -> MeshTri:
     return MeshTri.init_tensor(x, x)
 
 
-def strip(coverage: float, angle_deg: float = 0.0) -> tuple[Callable[[int], MeshTri], Callable[[Array, Array], NDArray[np.bool_]]]:
+def strip(
+    coverage: float, angle_deg: float = 0.0
+) -> tuple[Callable[[int], MeshTri], Callable[[Array, Array], NDArray[np.bool_]]]:
     """A centred strip from clamp to clamp, or from side to side, at an angle from the pull.
 
     Its share of the square is its height along y (x, where it is steep) over the side, so its edges may not reach the other two

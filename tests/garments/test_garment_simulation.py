@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from tube import RADIUS_M, tube_garment
 
 from haptics.errors import InputError
 from haptics.garments.cholesky import installed_solvers
 from haptics.garments.materials import CLOTH, INTERFACE, REINFORCED
 from haptics.garments.membrane import TAUT, natural_width
 from haptics.garments.simulation import GarmentOnBody
-from tests.garments.tube import RADIUS_M, tube_garment
 
 NO_HOLD = INTERFACE.with_values(attachment_n_m3=0.0, regulariser_n_m3=1.0)
 HARD = NO_HOLD.with_values(contact_n_m3=1e10, rounding_m=1e-7)
@@ -37,8 +37,8 @@ def hoop_energy_j_m2(stretch: float) -> float:
 
 @pytest.mark.parametrize("by", [0.02, 0.1, 0.3])
 def test_a_tube_on_a_swollen_limb_stores_the_energy_of_a_strip_pulled_around_it(by):
-    """Exact, but for the mesh, whose error falls with the square of its edges: the cloth is stretched around the limb and free along
-    it. Edges of 5 mm on a limb of 45 mm leave 0.6 %."""
+    """Exact, but for the mesh, whose error falls with the square of its edges: the cloth is stretched around the limb and free
+    along it. Edges of 5 mm on a limb of 45 mm leave 0.6 %."""
     worn = swollen(by, 56, interface=HARD)
     found = worn.solve(plain(worn))
     assert found.converged

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from tube import RADIUS_M, tube
 
 from haptics.errors import InputError
 from haptics.garments.mesh import SurfaceMesh
 from haptics.garments.surface import ImplicitBody, nearest_vertices, neighbour_lists
-from tests.garments.tube import RADIUS_M, tube
 
 
 def body_of(vertices, triangles):

@@ -1,4 +1,4 @@
-"""The membrane against an energy evaluated in extended precision, its derivatives against differences, and what must not change it."""
+"""The membrane against an energy in extended precision, its derivatives against differences, and what must not change it."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from haptics.garments.mesh import SurfaceMesh
 Array = NDArray[np.float64]
 LAMES = [material.lame_n_m(lame) for material in (CLOTH, REINFORCED) for lame in ("plane", "thesis")]
 CONSTANTS = [*LAMES, (0.0, 1.0), (1e4, 1.0)]
-"""(lambda, mu) in N/m: the stated materials under both readings, cloth that does not narrow, cloth that hardly changes its area."""
+"""(lambda, mu) in N/m: the stated materials under both readings, cloth that does not narrow, cloth that keeps its area."""
 KINK = 1e-3
 """Nearer than this to a kink, in stretch, differences would straddle it."""
 
@@ -150,7 +150,9 @@ def test_the_natural_width_is_that_of_lamberts_function() -> None:
     assert natural_width(2.0, 1e9, 1.0) == pytest.approx(0.5, rel=1e-8)  # it keeps its area
 
 
-@pytest.mark.parametrize(("stretch", "lam", "mu"), [(0.0, 1.0, 1.0), (-1.0, 1.0, 1.0), (1.0, -1.0, 1.0), (1.0, 1.0, 0.0), (np.nan, 1.0, 1.0)])
+@pytest.mark.parametrize(
+    ("stretch", "lam", "mu"), [(0.0, 1.0, 1.0), (-1.0, 1.0, 1.0), (1.0, -1.0, 1.0), (1.0, 1.0, 0.0), (np.nan, 1.0, 1.0)]
+)
 def test_a_width_that_does_not_exist_is_refused(stretch: float, lam: float, mu: float) -> None:
     with pytest.raises(InputError, match="natural width of stretch"):
         natural_width(stretch, lam, mu)
@@ -161,7 +163,14 @@ def test_the_states_are_slack_wrinkled_and_taut() -> None:
     width = natural_width(1.2, *lame)
     s = np.array([[0.9, 0.5], [1.0, 0.2], [1.2, 0.0], [1.2, width - 1e-6], [1.2, width + 1e-6], [1.2, 1.1]])
     triangles = Triangles(with_stretches(s[:, 0] * (1 - 1e-12), s[:, 1]), lame)
-    assert triangles.membrane.states(triangles.positions, triangles.lame).tolist() == [SLACK, SLACK, WRINKLED, WRINKLED, TAUT, TAUT]
+    assert triangles.membrane.states(triangles.positions, triangles.lame).tolist() == [
+        SLACK,
+        SLACK,
+        WRINKLED,
+        WRINKLED,
+        TAUT,
+        TAUT,
+    ]
 
 
 # --- derivatives ---
@@ -279,7 +288,9 @@ def test_which_corner_comes_first_does_not_matter() -> None:
     one = Triangles(CASES["random"], LAMES[0])
     rolled = Membrane.at_rest(SurfaceMesh(one.rest.vertices_m, np.roll(one.rest.triangles, 1, axis=1), "rolled"))
     assert rolled.element_energy_j(one.positions, one.lame) == pytest.approx(one.energy(one.positions), rel=1e-12)
-    assert rolled.gradient_n(one.positions, one.lame) == pytest.approx(one.membrane.gradient_n(one.positions, one.lame), rel=1e-11, abs=1e-11)
+    assert rolled.gradient_n(one.positions, one.lame) == pytest.approx(
+        one.membrane.gradient_n(one.positions, one.lame), rel=1e-11, abs=1e-11
+    )
 
 
 finite = st.floats(-1e3, 1e3, allow_nan=False, width=64)
@@ -295,7 +306,9 @@ def test_any_deformation_has_finite_energy_force_and_stiffness(f: list[float], w
     assert np.isfinite(force).all()
     assert np.isfinite(hessian).all()
     # It pulls only: no corner's force has work done by shrinking the triangle.
-    assert float(force.ravel() @ triangles.positions.ravel()) >= -1e-9 * np.abs(force).max() * max(np.abs(triangles.positions).max(), 1.0)
+    assert float(force.ravel() @ triangles.positions.ravel()) >= -1e-9 * np.abs(force).max() * max(
+        np.abs(triangles.positions).max(), 1.0
+    )
 
 
 # --- what it stands for ---

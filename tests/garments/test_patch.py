@@ -7,13 +7,12 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
-from skfem_judge import CLOTH, NU, REINFORCED, SIDE_M, judge_patch, lame_n_m, strip
+from skfem_judge import CLOTH, NU, REINFORCED, SIDE_M, even_mesh, judge_patch, lame_n_m, strip, x_design
 
 from haptics.errors import InputError
 from haptics.garments.bands import Band, Layout, covered, crossed, fitted, parallel
 from haptics.garments.materials import CLOTH as OUR_CLOTH, REINFORCED as OUR_REINFORCED
-from haptics.garments.patch import DESIGNS, ClampedPatch, layout_of, pull
+from haptics.garments.patch import ClampedPatch, layout_of, pull
 from haptics.garments.patch_layouts import FAMILIES, READINGS, coverage_for, most_energy_j, try_layout
 from haptics.garments.patch_mesh import patch_mesh
 
@@ -21,29 +20,12 @@ SMALL = 500
 """Triangles asked for where only a trend is looked at; the forces are right to 0.3 % then."""
 
 
-# --- against scikit-fem: quadratic triangles, the same energy written another way ---
+# --- against scikit-fem: quadratic triangles on other meshes, the same energy written another way ---
 
-
-def x_design(coverage: float) -> Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.bool_]]:
-    """The diagonals' bands that together cover the share: 1 - (1 - w / (sqrt(2) side))^2 each, less w^2 where they cross."""
-
-    def union(w: float) -> float:
-        return 2 * (1 - (1 - w / (math.sqrt(2) * SIDE_M)) ** 2) - (w / SIDE_M) ** 2
-
-    low, high = 0.0, SIDE_M / math.sqrt(2)
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if union(middle) < coverage else (low, middle)
-    r = high / 2 * math.sqrt(2)
-    return lambda x, y: (np.abs(x - y) <= r) | (np.abs(x + y - SIDE_M) <= r)
-
-
-def everywhere(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.bool_]:
-    return np.ones_like(x, dtype=np.bool_)
-
-
-def nowhere(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.bool_]:
-    return np.zeros_like(x, dtype=np.bool_)
+CELLS = 16
+"""Along each side of the judge's mesh: its forces are then within 0.1 % of those at 32."""
+WITHIN = 3e-3
+"""Errors of both together: 0.1 % of the judge, 0.2 % of the bench where corners are worst (docs/explanation/patch.md)."""
 
 
 def test_the_judge_is_given_the_stated_materials() -> None:
@@ -53,38 +35,44 @@ def test_the_judge_is_given_the_stated_materials() -> None:
             assert lame_n_m((young, thickness), lame) == pytest.approx(ours.lame_n_m(lame), rel=1e-14)
 
 
-@pytest.mark.parametrize("lame", ["plane", "thesis"])
-@pytest.mark.parametrize("design", ["none", "full"])
-@pytest.mark.parametrize("strain", [0.1, 0.5])
-def test_one_material_agrees_with_the_judge(design: str, lame: str, strain: float) -> None:
-    judged = judge_patch(everywhere if design == "full" else nowhere, strain, lame, cells=12, splits=0)
+@pytest.mark.parametrize(("design", "strain", "lame"), [("none", 0.1, "plane"), ("full", 0.1, "thesis"), ("full", 0.5, "plane")])
+def test_one_material_agrees_with_the_judge(design: str, strain: float, lame: str) -> None:
+    judged = judge_patch(even_mesh(CELLS), lambda x, _: np.full(x.shape, design == "full"), strain, lame)
     ours = pull(design, strain=strain, lame=lame)
     assert judged.residual_n < 1e-9
     assert ours.converged
-    assert ours.force_n == pytest.approx(judged.force_n, rel=1e-3)
-    assert ours.energy_j == pytest.approx(judged.energy_j, rel=1e-3)
+    assert ours.force_n == pytest.approx(judged.force_n, rel=WITHIN)
+    assert ours.energy_j == pytest.approx(judged.energy_j, rel=WITHIN)
 
 
-@pytest.mark.parametrize(("coverage", "strain"), [(0.4, 0.1), (0.15, 0.1), (0.4, 0.6)])
-def test_a_strip_along_the_pull_agrees_with_the_judge(coverage: float, strain: float) -> None:
-    edges = (0.5 * SIDE_M * (1 - coverage), 0.5 * SIDE_M * (1 + coverage))
-    judged = judge_patch(strip(coverage), strain, cells=10, splits=0, lines_m=edges)
-    ours = pull("strip", coverage, strain)
-    assert ours.force_n == pytest.approx(judged.force_n, rel=2e-3)
+@pytest.mark.parametrize(
+    ("coverage", "angle_deg", "strain", "lame"),
+    [
+        (0.4, 0.0, 0.1, "plane"),
+        (0.15, 0.0, 0.1, "thesis"),
+        (0.4, 0.0, 1.0, "plane"),
+        (0.4, 17.0, 0.1, "plane"),
+        (0.25, -35.0, 0.1, "thesis"),
+        (0.4, 60.0, 0.1, "plane"),
+        (0.6, 78.0, 0.3, "plane"),
+        (0.4, 90.0, 0.1, "plane"),
+    ],
+)
+def test_a_strip_agrees_with_the_judge(coverage: float, angle_deg: float, strain: float, lame: str) -> None:
+    mesh, reinforced_at = strip(coverage, angle_deg)
+    judged = judge_patch(mesh(CELLS), reinforced_at, strain, lame)
+    ours = pull("strip", coverage, strain, lame, angle_deg)
+    assert judged.residual_n < 1e-9
+    assert ours.force_n == pytest.approx(judged.force_n, rel=WITHIN)
+    assert ours.energy_j == pytest.approx(judged.energy_j, rel=WITHIN)
     assert ours.coverage == pytest.approx(coverage, abs=1e-12)
 
 
-@pytest.mark.parametrize(("angle_deg", "coverage", "lame"), [(17.0, 0.4, "plane"), (-35.0, 0.25, "thesis"), (78.0, 0.6, "plane")])
-def test_a_strip_at_an_angle_agrees_with_the_judge(angle_deg: float, coverage: float, lame: str) -> None:
-    judged = judge_patch(strip(coverage, angle_deg), lame=lame, cells=10, splits=3)
-    ours = pull("strip", coverage, lame=lame, angle_deg=angle_deg)
-    # The judge's mesh does not follow the strip: its own error is 0.3 % at that size.
-    assert ours.force_n == pytest.approx(judged.force_n, rel=4e-3)
-
-
-def test_an_x_agrees_with_the_judge() -> None:
-    judged = judge_patch(x_design(0.4), cells=10, splits=3)
-    assert pull("x", 0.4).force_n == pytest.approx(judged.force_n, rel=6e-3)
+@pytest.mark.parametrize("part", [8, 16])
+def test_an_x_agrees_with_the_judge(part: int) -> None:
+    coverage, mesh, reinforced_at = x_design(part)
+    judged = judge_patch(mesh(CELLS), reinforced_at)
+    assert pull("x", coverage).force_n == pytest.approx(judged.force_n, rel=WITHIN if part == 8 else 6e-3)
 
 
 # --- exact ---
@@ -101,15 +89,14 @@ def test_sliding_clamps_give_the_uniaxial_force(lame: str, strain: float) -> Non
         w = 0.5 * (low + high)
         low, high = (w, high) if mu * (w * w - 1) + lam * math.log(s * w) < 0 else (low, w)
     ours = pull("none", strain=strain, lame=lame, clamps="sliding", elements=60)
-    assert ours.force_n == pytest.approx(SIDE_M * mu * (s - low**2 / s), rel=1e-9)
+    assert ours.force_n == pytest.approx(SIDE_M * mu * (s - low**2 / s), rel=1e-7)  # 1e-7 N may be left
 
 
-def test_a_very_wide_reading_of_strain_still_converges() -> None:
-    for strain in (0.0, 1e-6, 1.0, 2.0):
-        for design in DESIGNS:
-            result = pull(design, 0.3, strain, elements=60)
-            assert result.converged, (design, strain)
-            assert (result.force_n == pytest.approx(0.0, abs=1e-7)) == (strain == 0.0)
+@pytest.mark.parametrize(("design", "strain"), [("strip", 0.0), ("x", 1e-6), ("strip", 1.0), ("none", 2.0), ("x", 2.0)])
+def test_strains_from_none_to_two_converge(design: str, strain: float) -> None:
+    result = pull(design, 0.3, strain, elements=60)
+    assert result.converged
+    assert (result.force_n == pytest.approx(0.0, abs=1e-7)) == (strain == 0.0)
 
 
 # --- the force is the derivative of the energy, and the clamps agree ---
@@ -154,15 +141,14 @@ def test_any_installed_solver_gives_the_same() -> None:
 
 
 def test_the_error_falls_with_the_number_of_triangles() -> None:
-    """Linear triangles: the energy, and so the force, with the first power of their number, 1/h^2, once corners are graded."""
-    sizes = (250, 1000, 4000, 16000)
-    results = [pull("strip", elements=size) for size in sizes]
-    forces = [result.force_n for result in results]
-    steps = -np.diff(forces)
-    assert (steps > 0).all()  # from above: the finer mesh is the softer
-    limit = forces[-1] - steps[-1] / 3
-    assert abs(forces[-2] / limit - 1) < 5e-4  # the size that is used by default
-    assert math.log2((forces[0] - limit) / (forces[2] - limit)) / 2 > 0.8
+    """Linear triangles: the energy, and so the force, with the first power of their number, which is h^2."""
+    results = [pull("strip", elements=elements) for elements in (500, 4000, 16000)]
+    coarse, usual, fine = (result.force_n for result in results)
+    assert coarse > usual > fine  # from above: a finer mesh is softer
+    limit = fine - (usual - fine) / (results[2].elements / results[1].elements - 1)
+    assert usual == pytest.approx(limit, rel=5e-4)
+    order = math.log((coarse - limit) / (usual - limit)) / math.log(results[1].elements / results[0].elements)
+    assert 0.8 < order < 1.5
 
 
 def test_forces_rise_with_coverage_between_cloth_and_full() -> None:
@@ -209,7 +195,11 @@ def test_areas_of_bands() -> None:
     assert covered((Band(30.0, 0.01, 1.0),), 0.1) == 0.0
     rng = np.random.default_rng(3)
     points = rng.uniform(-0.05, 0.05, (200_000, 2))
-    for layout in (parallel(3, 20.0, 0.1)(0.012), crossed(35.0)(0.02), (Band(10.0, 0.01, 0.02), Band(-50.0, 0.02), Band(80.0, 0.01, -0.03))):
+    for layout in (
+        parallel(3, 20.0, 0.1)(0.012),
+        crossed(35.0)(0.02),
+        (Band(10.0, 0.01, 0.02), Band(-50.0, 0.02), Band(80.0, 0.01, -0.03)),
+    ):
         counted = np.any([band.holds(points) for band in layout], axis=0).mean()
         assert covered(layout, 0.1) == pytest.approx(counted, abs=5e-3)  # 4.5 standard deviations of the count
 
@@ -247,7 +237,9 @@ def test_the_published_line_is_a_strip_along_of_less_than_forty_percent_or_one_a
 def test_each_reading_is_another_patch(reading: str) -> None:
     # Thesis: stiffer by 12 to 15 %. Sliding: softer. Thick: reinforced cloth 0.62 / 0.35 as stiff.
     ratio = try_layout("along", reading, elements=60).force_n / try_layout("along", "plane", elements=60).force_n
-    low, high = {"plane": (1, 1), "thesis": (1.12, 1.15), "plane, sliding": (0.97, 0.99), "plane, thick": (1.65, 0.62 / 0.35)}[reading]
+    low, high = {"plane": (1, 1), "thesis": (1.12, 1.15), "plane, sliding": (0.97, 0.99), "plane, thick": (1.65, 0.62 / 0.35)}[
+        reading
+    ]
     assert low <= ratio <= high
 
 

@@ -9,6 +9,7 @@ import pytest
 from bar_panel import BarPanel
 
 from haptics.errors import InputError
+from haptics.garments.sensitivity import mesh_filter, sensitivities
 from haptics.garments.topology import BesoParameters, DesignInterrupted, evolve, optimise
 
 PULLS_M = np.linspace(0.005, 0.02, 20)
@@ -97,6 +98,18 @@ def test_triangles_that_are_not_designable_stay_cloth_and_do_not_count() -> None
     final = optimise(panel, 2 / 18, PLAIN).final
     assert np.array_equal(final.design, (panel.row_of() >= 16) & (panel.row_of() < 18))
     assert final.coverage == pytest.approx(2 / 18, abs=1e-12)
+
+
+def test_sensitivities_are_averaged_with_those_of_the_past() -> None:
+    """Eq. 5.14, replayed from the designs."""
+    panel = _panel()
+    sequence = optimise(panel, 0.9, PLAIN)
+    smooth, history = mesh_filter(panel.rest, 0.0), None
+    for step in sequence.steps:
+        energy = panel.solve(step.design).element_energy_j
+        alpha = smooth(sensitivities(step.design, panel.areas_m2, energy, PLAIN.stiffness_ratio, PLAIN.penalty, PLAIN.d_min))
+        history = alpha if history is None else (alpha + history) / 2
+    assert sequence.history_j_m2 == pytest.approx(history, rel=1e-12)
 
 
 def test_full_coverage_is_the_full_garment() -> None:

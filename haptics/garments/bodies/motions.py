@@ -6,7 +6,8 @@ arms hang 40 degrees away from the trunk, palms forward, and the legs stand 8 de
 touch; elbows and knees are straight.
 
 The motions are those of thesis 5.6.2 (Table 5.1) and 6.4.1. Their poses came from recordings that are not published: which
-joint takes what share of the angle, and the angles themselves, are assumed.
+joint takes what share of the angle, and the angles themselves, are assumed; elbow and knee turn by 60 degrees, as far as the
+wearers of 5.7 did (45 to 60).
 """
 
 from __future__ import annotations
@@ -115,9 +116,9 @@ _LUNGE = {"hip_l": -BEND_AXIS, "knee_l": KNEE_AXIS["l"], "hip_r": 0.3 * BEND_AXI
 MOTIONS: dict[str, Motion] = {
     motion.name: motion
     for motion in (
-        Motion("elbow_flexion", _ELBOW, 90.0, 120.0),
+        Motion("elbow_flexion", _ELBOW, 60.0, 120.0),
         Motion("elbow_extension", _ELBOW, 60.0, 120.0, straightens=True),
-        Motion("knee_flexion", _KNEE, 90.0, 120.0),
+        Motion("knee_flexion", _KNEE, 60.0, 120.0),
         Motion("knee_extension", _KNEE, 60.0, 120.0, straightens=True),
         # the upper back rounds most, and the shoulders roll inward with it; the angle is the whole spine's
         Motion("slouch", {**_spine(0.1, 0.15, 0.2, 0.25, 0.3), **_both("shoulder", INWARD_AXIS, 0.6)}, 40.0, 70.0),

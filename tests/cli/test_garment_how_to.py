@@ -1,0 +1,46 @@
+"""The how-to keeps its word: every command on the page runs, one after another, in an empty folder."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("matplotlib", reason="extra `report`")
+
+PAGE = (Path(__file__).parents[2] / "docs" / "how-to" / "garments.md").read_text(encoding="utf-8")
+ENOUGH = {"0.15": "0.9"}
+"""Ten steps of a design show as well as a hundred that the commands fit together."""
+
+
+def commands() -> list[list[str]]:
+    blocks = re.findall(r"^```sh\n(.*?)^```$", PAGE, flags=re.MULTILINE | re.DOTALL)
+    return [shlex.split(line) for block in blocks for line in block.splitlines()]
+
+
+def test_every_command_runs_in_the_order_of_the_page(command, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    known = [words for words in commands() if words[0] == "haptics"]
+    assert {words[2] for words in known} == {"bodies", "design", "evaluate", "export", "patch", "report"}
+    for words in known:
+        if "report" in words:
+            words = [*words, "--coverage", "0.9"]
+        code, out, err = command(*(ENOUGH.get(word, word) for word in words[1:]))
+        assert code == 0, f"{shlex.join(words)}\n{err}"
+        assert out.strip()
+    assert (tmp_path / "table.html").stat().st_size > 100_000
+    for name in ("sleeve/designs.h5", "sleeve/motion.png", "table/sleeve-elbow_flexion/design.json"):
+        assert (tmp_path / name).is_file()
+    assert {path.suffix for path in (tmp_path / "cut").iterdir()} == {".svg", ".dxf", ".obj", ".mtl", ".ply"}
+
+
+def test_the_page_uses_no_command_that_this_test_does_not_know():
+    assert {words[0] for words in commands()} == {"haptics", "pip"}
+
+
+@pytest.mark.parametrize("option", sorted(set(re.findall(r"`(--[a-z-]+)", PAGE))))
+def test_every_option_that_the_page_names_exists(option, command):
+    helps = "".join(command("garment", name, "--help")[1] for name in ("design", "evaluate", "export", "patch", "report"))
+    assert option in helps
