@@ -172,7 +172,7 @@ class _SuperLu:
         self._order = (3 * vertices[:, None] + np.arange(3)).ravel()
         ordered = csc_array(places[self._order][:, self._order])
         ordered.sort_indices()
-        self._place = ordered.data
+        self._place = ordered.data.astype(np.int64)
         self._matrix = csc_array((np.zeros(len(indices)), ordered.indices, ordered.indptr), shape=(n, n))
         self._factor: Any = None
 

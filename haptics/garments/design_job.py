@@ -137,7 +137,7 @@ def open_designs(path: Path, motion: str | None = None, angle_deg: float | None 
         "interface": Interface(**settings["interface"]),
         "lame": settings["lame"],
     }
-    made_on = (len(sequence.final.design), len(sequence.positions_m))
+    made_on = (len(sequence.final.design), len(sequence.at_latest.positions_m))
     if made_on != (len(garment.triangles), garment.weights.shape[0]):
         raise InputError(
             f"{file}: its designs are for {made_on[0]} triangles and {made_on[1]} vertices, {settings['garment']} on body "

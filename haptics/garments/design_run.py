@@ -178,7 +178,7 @@ def _draw(report: DesignReport, paths: dict[str, Path]) -> None:
     densities = {shape: best.density if best else None for shape, best in report.drawn.items()}
     draw_density(sequence, densities, title, paths["density.png"], force=True)
     final = sequence.final
-    state = solved(worn.simulation, final.design, sequence.final_positions_m)
+    state = solved(worn.simulation, final.design, sequence.at_final.positions_m)
     covered = f"{title}: {100 * coverage_of(worn.simulation, final.design):.1f} % covered, density × {final.density:.2f}"
     draw_energy(worn, final.design, state.positions_m, state.element_energy_j, covered, paths["garment.png"], force=True)
 

@@ -59,23 +59,32 @@ class DesignStep:
 
 
 @dataclass(frozen=True, eq=False)
+class Reached:
+    """From what of a design the next one follows.
+
+    :param positions_m: its equilibrium, ``(vertices, 3)``.
+    :param history_j_m2: filtered and averaged sensitivities after it, ``(triangles,)``.
+    """
+
+    positions_m: Floats
+    history_j_m2: Floats
+
+
+@dataclass(frozen=True, eq=False)
 class DesignSequence:
     """Designs in the order in which they were found, with the state from which the next one follows.
 
     :param coverage: what was asked for.
     :param full: energy densities of the fully reinforced garment.
-    :param final_positions_m: equilibrium of ``final``, ``(vertices, 3)``.
-    :param positions_m: equilibrium of the last step, ``(vertices, 3)``.
-    :param history_j_m2: filtered and averaged sensitivities after the last step, ``(triangles,)``.
+    :param at_final, at_latest: state of ``final`` and of the last step.
     :param complete: nothing is left to do.
     """
 
     steps: tuple[DesignStep, ...]
     coverage: float
     full: Densities
-    final_positions_m: Floats
-    positions_m: Floats
-    history_j_m2: Floats
+    at_final: Reached
+    at_latest: Reached
     complete: bool
 
     @property
@@ -168,9 +177,9 @@ def _write(path: Path, settings: str, sequence: DesignSequence) -> None:
         _put(file, "steps/design", np.packbits([step.design for step in sequence.steps], axis=1))
         for name in _NUMBERS:
             _put(file, f"steps/{name}", [getattr(step, name) for step in sequence.steps])
-        _put(file, "final/positions_m", sequence.final_positions_m)
-        _put(file, "latest/positions_m", sequence.positions_m)
-        _put(file, "latest/history_j_m2", sequence.history_j_m2)
+        for name, reached in (("final", sequence.at_final), ("latest", sequence.at_latest)):
+            _put(file, f"{name}/positions_m", reached.positions_m)
+            _put(file, f"{name}/history_j_m2", reached.history_j_m2)
         file.attrs["haptics_designs"] = LAYOUT  # last: without it nothing is taken for a design sequence
 
 
@@ -185,16 +194,19 @@ def _read(path: Path) -> tuple[dict[str, Any], DesignSequence]:
         with h5py.File(path, "r") as file:
             if file.attrs.get("haptics_designs") != LAYOUT:
                 raise ValueError(f"its layout is {file.attrs.get('haptics_designs')}, known is {LAYOUT}")
-            history = np.asarray(file["latest/history_j_m2"])
-            designs = np.unpackbits(np.asarray(file["steps/design"]), axis=1, count=len(history)).astype(bool)
+            final, latest = (
+                Reached(np.asarray(file[f"{name}/positions_m"]), np.asarray(file[f"{name}/history_j_m2"]))
+                for name in ("final", "latest")
+            )
+            count = len(latest.history_j_m2)
+            designs = np.unpackbits(np.asarray(file["steps/design"]), axis=1, count=count).astype(bool)
             numbers = [np.asarray(file[f"steps/{name}"]).tolist() for name in _NUMBERS]
             sequence = DesignSequence(
                 tuple(DesignStep(design, *row) for design, *row in zip(designs, *numbers, strict=True)),
                 float(np.asarray(file.attrs["coverage"])),
                 Densities(*np.asarray(file["full"]).tolist()),
-                np.asarray(file["final/positions_m"]),
-                np.asarray(file["latest/positions_m"]),
-                history,
+                final,
+                latest,
                 bool(file.attrs["complete"]),
             )
             return json.loads(np.asarray(file["settings"]).item().decode()), sequence

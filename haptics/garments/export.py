@@ -87,7 +87,7 @@ def export_design(
         "coverage": f"{100 * chosen.coverage:.1f} %, step {number}",
     }
     pattern = make_pattern(sim.rest, chosen.design, settings["garment"], labels, options)
-    state = solved(sim, chosen.design, kept.sequence.final_positions_m if chosen is kept.sequence.final else None)
+    state = solved(sim, chosen.design, kept.sequence.at_final.positions_m if chosen is kept.sequence.final else None)
     files = write_pattern(pattern, out, stem, force)
     files += write_obj(sim.rest, chosen.design, out / f"{stem}.obj", force)
     files += write_ply(sim.rest.at(state.positions_m), chosen.design, state.element_energy_j, out / f"{stem}.ply", force)

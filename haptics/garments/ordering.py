@@ -16,7 +16,7 @@ from haptics.garments.mesh import Ints
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
-LEAF = 40
+LEAF = 8
 """Pieces so small are not cut further."""
 
 
@@ -45,13 +45,15 @@ def _cut(adjacency: csr_array, piece: Ints) -> tuple[Ints, Ints, Ints] | None:
         return piece[levels >= 0], piece[levels < 0], piece[:0]
     levels = _levels(graph, int(levels.argmax()))
     width = np.bincount(levels)
-    middle = int(np.searchsorted(np.cumsum(width), len(piece) / 2))
-    reach = len(width) // 8
-    near = np.arange(max(1, middle - reach), min(len(width) - 2, middle + reach) + 1)
-    if not len(near):
+    before = np.cumsum(width) - width
+    smaller = np.minimum(before, len(piece) - before - width)
+    balanced = np.flatnonzero(smaller >= len(piece) / 4)
+    if not len(balanced):
         return None
-    ring = near[width[near].argmin()]
-    return piece[levels < ring], piece[levels > ring], piece[levels == ring]
+    at = balanced[width[balanced].argmin()]
+    ring, beyond = np.flatnonzero(levels == at), np.flatnonzero(levels == at + 1)
+    levels[ring[graph[ring][:, beyond].sum(axis=1) == 0]] = at - 1  # these part nothing
+    return piece[levels < at], piece[levels > at], piece[levels == at]
 
 
 def _levels(graph: csr_array, start: int) -> Ints:

@@ -30,7 +30,7 @@ DESIGNS = ("none", "full", "strip", "line", "x")
 SIDE_M = 0.1
 """Free length between the clamps, and width (5.6.1)."""
 ELEMENTS = 4000
-"""Triangles, about: the force then lies 0.1 % above its limit, near a clamp's corner 0.5 % (docs/explanation/patch.md)."""
+"""Triangles, before corners are graded: the force then lies 0.02 to 0.2 % above its limit (docs/explanation/patch.md)."""
 TOLERANCE_N = 1e-7
 SLACK_PART = 1e-9
 """Slack cloth has no stiffness; this part of the cloth's own keeps the matrix regular. No force or energy comes with it."""

@@ -3,6 +3,9 @@
 Begins fully reinforced. Each step finds the equilibrium, ranks the triangles by what their reinforcement is worth, and lets the
 reinforced area shrink by a fixed part: the lowest lose theirs, and cloth that ranks above them gains it, up to a limit. Every
 step on the way is a design for its own coverage.
+
+At the target the procedure goes on exchanging triangles, and where loops open and close its steps differ widely. So once it has
+settled, the search goes on from the best design with half as many exchanged, a quarter, and so on, until none is better.
 """
 
 from __future__ import annotations
@@ -15,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from haptics.errors import InputError
-from haptics.garments.designs import COVERAGE_TOLERANCE, DesignSequence, DesignStep, DesignStore, asked_for
+from haptics.garments.designs import COVERAGE_TOLERANCE, DesignSequence, DesignStep, DesignStore, Reached, asked_for
 from haptics.garments.materials import CLOTH, REINFORCED
 from haptics.garments.mesh import Bools, Floats
 from haptics.garments.rating import Densities, Unconverged, coverage_of, first_by_area, solved
@@ -27,6 +30,8 @@ if TYPE_CHECKING:
     from haptics.garments.simulation import Equilibrium, Reinforceable
 
 SMALLEST_COVERAGE = 0.01
+FEWEST_EXCHANGED = 2
+"""Triangles: a step that may exchange fewer is not worth its equilibrium."""
 DRAFT_TRIANGLES = 3600
 """Triangles of a garment at the level `draft`: about twice its vertices."""
 
@@ -137,6 +142,17 @@ def evolve(alpha: Floats, design: Bools, designable: Bools, areas_m2: Floats, ar
     return out
 
 
+@dataclass(frozen=True, eq=False)
+class _Base:
+    """A design with its equilibrium and sensitivities, and what the next may have and add."""
+
+    design: Bools
+    positions_m: Floats
+    history_j_m2: Floats
+    area_m2: float
+    admitted_m2: float
+
+
 class _Evolution:
     """The procedure on one cloth: each step follows from the sequence so far and nothing else, so that it can be resumed."""
 
@@ -162,9 +178,10 @@ class _Evolution:
         self.settings = _settings(cloth, coverage, parameters, self.first)
 
     def step(self, before: DesignSequence | None) -> DesignSequence:
-        design = self.first if before is None else self._next_design(before)
+        base = self._base(before) if before else None
+        design = self._next_design(base) if base else self.first
         try:
-            state = solved(self.cloth, design, None if before is None else before.positions_m)
+            state = solved(self.cloth, design, base.positions_m if base else None)
             full = before.full if before else self._full_densities(state)
         except Unconverged as error:
             done = len(before.steps) if before else 0
@@ -185,11 +202,9 @@ class _Evolution:
         alpha = self.smooth(
             sensitivities(design, self.areas, state.element_energy_j, self.p.stiffness_ratio, self.p.penalty, self.p.d_min)
         )
-        history = alpha if before is None else 0.5 * (alpha + before.history_j_m2)
-        final_m = state.positions_m
-        if before and asked_for(steps, self.coverage) is not made:
-            final_m = before.final_positions_m
-        return DesignSequence(steps, self.coverage, full, final_m, state.positions_m, history, self._complete(steps))
+        latest = Reached(state.positions_m, 0.5 * (alpha + base.history_j_m2) if base else alpha)
+        final = latest if before is None or asked_for(steps, self.coverage) is made else before.at_final
+        return DesignSequence(steps, self.coverage, full, final, latest, self._complete(steps))
 
     def _full_densities(self, first: Equilibrium) -> Densities:
         full = first if np.array_equal(self.first, self.designable) else solved(self.cloth, self.designable)
@@ -202,17 +217,38 @@ class _Evolution:
             return max(self.goal_m2, first * (1 - self.p.evolution_rate) ** step)
         return min(self.goal_m2, first * (1 + self.p.evolution_rate) ** step)
 
-    def _next_design(self, before: DesignSequence) -> Bools:
-        return evolve(
-            before.history_j_m2,
-            before.steps[-1].design,
-            self.designable,
-            self.areas,
-            self._target_m2(len(before.steps)),
-            self.p.admission_limit * self.designable_m2,
-        )
+    def _base(self, before: DesignSequence) -> _Base:
+        """What the next design follows from: the last one, or once the procedure has settled the best one."""
+        admitted_m2 = self.p.admission_limit * self.designable_m2
+        tries = self._tries(before.steps)
+        if tries is None:
+            reached, design, area_m2 = before.at_latest, before.steps[-1].design, self._target_m2(len(before.steps))
+        else:
+            reached, design, area_m2 = before.at_final, before.final.design, self.goal_m2
+            admitted_m2 *= 0.5 ** (tries + 1)
+        return _Base(design, reached.positions_m, reached.history_j_m2, area_m2, admitted_m2)
+
+    def _next_design(self, base: _Base) -> Bools:
+        return evolve(base.history_j_m2, base.design, self.designable, self.areas, base.area_m2, base.admitted_m2)
+
+    def _tries(self, steps: tuple[DesignStep, ...]) -> int | None:
+        """How many steps since the best design, once the procedure of 5.5.4 has settled; None before."""
+        settled = next((n for n in range(1, len(steps) + 1) if self._settled(steps[:n])), None)
+        if settled is None:
+            return None
+        best = asked_for(steps, self.coverage)
+        last_better = max(settled - 1, next(n for n, step in enumerate(steps) if step is best))
+        return len(steps) - 1 - last_better
 
     def _complete(self, steps: tuple[DesignStep, ...]) -> bool:
+        """Settled, and no better design found however few triangles are exchanged."""
+        tries = self._tries(steps)
+        if tries is None:
+            return False
+        admitted_m2 = self.p.admission_limit * self.designable_m2 * 0.5 ** (tries + 1)
+        return admitted_m2 < FEWEST_EXCHANGED * float(self.areas[self.designable].mean())
+
+    def _settled(self, steps: tuple[DesignStep, ...]) -> bool:
         """At the target, and the energy has settled: its mean over N steps is that over the N before (5.5.4)."""
         there = 0
         for number in reversed(range(len(steps))):

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from haptics.errors import InputError, LimitError
+from haptics.garments.bodies import MOTIONS
 from haptics.garments.design_job import DesignJob
 from haptics.garments.design_run import FILES, run_design
 from haptics.garments.drawn import SHAPES
@@ -138,6 +139,7 @@ def _finished(job: DesignJob, folder: Path) -> dict[str, Any] | None:
         same = (
             (data["garment"], data["motion"], data["coverage_asked"]) == (job.garment, job.motion, job.coverage)
             and (data["body"], data["phenotype"], data["level"]) == (job.body, dict(job.phenotype), job.level)
+            and (data["lame"], data["angle_deg"]) == (job.lame, MOTIONS[job.motion].checked_deg(job.angle_deg))
             and job.solver in (None, data["solver"])
         )
         return data if same and data["complete"] and all((folder / name).is_file() for name in FILES) else None

@@ -18,7 +18,7 @@ from haptics.garments.design_job import open_designs
 from haptics.garments.designs import read_designs
 from haptics.garments.rating import Densities, solved
 
-SLEEVE = ("--garment", "sleeve", "--motion", "elbow_flexion", "--level", "coarse")
+SLEEVE = ("--garment", "sleeve", "--motion", "elbow_flexion", "--angle-deg", "90", "--level", "coarse")
 FILES = {"designs.h5", "sequence.png", "density.png", "garment.png", "design.json"}
 
 
@@ -67,7 +67,7 @@ class TestDesign:
         cloth, (number, step) = kept.worn.simulation, kept.step()
         assert number == data["final_step"]
         full = Densities.of(cloth.designable, cloth.areas_m2, solved(cloth, cloth.designable).element_energy_j)
-        state = solved(cloth, step.design, kept.sequence.final_positions_m)
+        state = solved(cloth, step.design, kept.sequence.at_final.positions_m)
         by_area = state.element_energy_j[step.design].sum() / cloth.areas_m2[step.design].sum()
         # the same equilibria, to the tolerance of the force: 1e-7 N over centimetres
         assert by_area / full.reinforced_j_m2 == pytest.approx(data["density_increase"], rel=1e-6)

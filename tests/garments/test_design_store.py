@@ -45,8 +45,8 @@ def test_file_reads_back_as_the_sequence(tmp_path: Path) -> None:
     assert (read.full, read.complete) == (made.full, True)
     assert read.coverage == COVERAGE
     assert np.array_equal(read.positions_m, made.positions_m)
-    assert np.array_equal(read.final_positions_m, made.final_positions_m)
-    assert np.array_equal(read.history_j_m2, made.history_j_m2)
+    assert np.array_equal(read.at_final.positions_m, made.at_final.positions_m)
+    assert np.array_equal(read.at_latest.history_j_m2, made.at_latest.history_j_m2)
     for one, other in zip(read.steps, made.steps, strict=True):
         assert np.array_equal(one.design, other.design)
         assert {**vars(one), "design": 0} == {**vars(other), "design": 0}

@@ -193,6 +193,8 @@ def test_areas_of_bands() -> None:
     assert covered((Band(0.0, 0.02), Band(90.0, 0.03)), 0.1) == pytest.approx(0.2 + 0.3 - 0.06)
     assert covered((Band(45.0, 0.1 * math.sqrt(2)),), 0.1) == pytest.approx(1.0)
     assert covered((Band(30.0, 0.01, 1.0),), 0.1) == 0.0
+    ahead = 0.04 * np.array([[math.cos(math.radians(30)), math.sin(math.radians(30))]])
+    assert Band(30.0, 0.01).holds(ahead * [[1, 1], [-1, -1], [1, -1]]).tolist() == [True, True, False]  # anticlockwise
     rng = np.random.default_rng(3)
     points = rng.uniform(-0.05, 0.05, (200_000, 2))
     for layout in (

@@ -15,7 +15,7 @@ from matplotlib.image import imread
 
 from haptics.errors import InputError
 from haptics.garments.bodies import open_body
-from haptics.garments.designs import DesignSequence, DesignStep
+from haptics.garments.designs import DesignSequence, DesignStep, Reached
 from haptics.garments.mesh import SurfaceMesh
 from haptics.garments.pictures import (
     REINFORCED_COLOUR,
@@ -141,8 +141,8 @@ def sequence(worn):
         coverage = 0.97**k
         design = np.arange(triangles) < coverage * triangles
         steps.append(DesignStep(design, coverage, 1.0 - 0.005 * k, 1 + 0.02 * k, 1 + 0.03 * k, 1e-8, 4))
-    rest_m = worn.simulation.rest.vertices_m
-    return DesignSequence(tuple(steps), 0.97**59, Densities(10.0, 10.0), rest_m, rest_m, np.zeros(triangles), True)
+    state = Reached(worn.simulation.rest.vertices_m, np.zeros(triangles))
+    return DesignSequence(tuple(steps), 0.97**59, Densities(10.0, 10.0), state, state, True)
 
 
 def energies(worn):

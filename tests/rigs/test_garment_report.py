@@ -83,9 +83,10 @@ def test_finished_rows_are_read_and_not_made_again(rows, folder, monkeypatch):
     assert [row.data for row in make_rows(QUICK, folder)] == [row.data for row in rows]
 
 
-def test_a_row_of_other_settings_is_no_such_row(rows, folder):
+@pytest.mark.parametrize("other", [{"coverage": 0.9}, {"phenotype": {"girth": 1.1}}, {"level": "draft"}])
+def test_a_row_of_other_settings_is_no_such_row(other, rows, folder):
     with pytest.raises(InputError, match="begun with other settings"):
-        make_rows(replace(QUICK, motions=("elbow_flexion",), coverage=0.9), folder)
+        make_rows(replace(QUICK, motions=("elbow_flexion",), **other), folder)
     assert all((rows[0].folder / name).is_file() for name in FILES)
 
 
