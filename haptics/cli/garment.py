@@ -15,9 +15,9 @@ import typer
 from haptics.cli.show import print_json, print_pairs, print_table
 
 if TYPE_CHECKING:
-    from haptics.garments.designs import DesignStep
+    from haptics.garments.design.designs import DesignStep
+    from haptics.garments.design.topology import Progress
     from haptics.garments.evaluation import Evaluation
-    from haptics.garments.topology import Progress
 
 app = typer.Typer(help="Kinesthetic garments: design, evaluate, export to a cutter.", no_args_is_help=True)
 Json = Annotated[bool, typer.Option("--json", help="print one JSON object")]
@@ -50,8 +50,8 @@ def design(
 ) -> None:
     """Find the reinforcement that resists a motion best for its area, and rate it beside a hand-drawn line and X."""
     from haptics.errors import InputError
-    from haptics.garments.design_job import DesignJob
-    from haptics.garments.design_run import run_design
+    from haptics.garments.design.design_job import DesignJob
+    from haptics.garments.design.design_run import run_design
 
     if resume and (out is None or force):
         raise InputError(
@@ -90,7 +90,7 @@ def evaluate(
 ) -> None:
     """Energy and joint torque of a design at every angle of a motion, and its energy density beside another design's."""
     from haptics.errors import InputError
-    from haptics.garments.design_job import DesignJob
+    from haptics.garments.design.design_job import DesignJob
     from haptics.garments.evaluation import MASKS, evaluate_design
     from haptics.recording.output import refuse_existing
 
@@ -132,7 +132,7 @@ def export(
     json: Json = False,
 ) -> None:
     """Write a design for the cutter (SVG and DXF, millimetres, full size) and for everything else (OBJ, PLY)."""
-    from haptics.garments.design_job import open_designs
+    from haptics.garments.design.design_job import open_designs
     from haptics.garments.export import export_design
     from haptics.garments.pattern import PatternOptions
 
@@ -221,7 +221,7 @@ def patch(
     json: Json = False,
 ) -> None:
     """Pull a 10 cm square of cloth that is held at two ends: the force, as on the bench (thesis 5.6.1)."""
-    from haptics.garments.patch import pull
+    from haptics.garments.patch.clamped_patch import pull
 
     found = pull(design, coverage, strain, cast(Any, lame), angle_deg, elements)
     data = {
@@ -268,7 +268,7 @@ def watched(coverage: float, silent: bool) -> Iterator[tuple[Progress | None, Ca
     from rich.console import Console
     from rich.progress import BarColumn, Progress as Bar, TextColumn, TimeElapsedColumn
 
-    from haptics.garments.topology import BesoParameters
+    from haptics.garments.design.topology import BesoParameters
 
     beso = BesoParameters()
     about = math.ceil(math.log(coverage) / math.log(1 - beso.evolution_rate)) + 2 * int(beso.settled_steps)
@@ -353,13 +353,13 @@ def _show_evaluation(found: Evaluation, files: list[Path]) -> None:
 def _evaluation_files(found: Evaluation, picture: Path | None, rrd: Path | None, force: bool) -> list[Path]:
     files = []
     if picture is not None:
-        from haptics.garments.pictures import draw_motion
+        from haptics.garments.views.pictures import draw_motion
 
         curves = {r.name: r.motion for r in (found.rated, found.against) if r is not None}
         title = f"{found.settings['garment']}, {found.settings['motion']}, body {found.settings['body']}"
         files.append(draw_motion(curves, title, picture, force))
     if rrd is not None:
-        from haptics.garments.rrd import write_motion_rrd
+        from haptics.garments.views.rrd import write_motion_rrd
 
         files.append(write_motion_rrd(found.worn, found.rated.motion, rrd, force))
     return files

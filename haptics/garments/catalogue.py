@@ -9,7 +9,7 @@ from typing import Any
 from haptics.garments.bodies import BODIES, MOTIONS
 from haptics.garments.bodies.anny_body import ADULT
 from haptics.garments.bodies.capsule import CapsulePhenotype
-from haptics.garments.cholesky import installed_solvers
+from haptics.garments.equilibrium.cholesky import installed_solvers
 from haptics.garments.garment import LEVELS, OPENINGS
 from haptics.garments.materials import CLOTH, INTERFACE, REINFORCED
 from haptics.physics.parameters import provenance

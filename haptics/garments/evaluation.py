@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import Any
 
 from haptics.errors import InputError, LimitError
-from haptics.garments.design_job import DesignJob, open_designs, put_on
-from haptics.garments.drawn import SHAPES, best_drawn
-from haptics.garments.masks import read_mask, with_coverage
+from haptics.garments.design.design_job import DesignJob, open_designs, put_on
+from haptics.garments.design.drawn import SHAPES, best_drawn
+from haptics.garments.design.masks import read_mask, with_coverage
+from haptics.garments.design.rating import Densities, Unconverged, coverage_of, solved
+from haptics.garments.equilibrium.wearing import MotionEvaluation, WornMotion, evaluate_motion
 from haptics.garments.mesh import Bools
-from haptics.garments.rating import Densities, Unconverged, coverage_of, solved
-from haptics.garments.wearing import MotionEvaluation, WornMotion, evaluate_motion
 from haptics.units import in_range
 
 ANGLES = 18

@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from haptics.errors import InputError
-from haptics.garments.design_job import KeptDesigns
+from haptics.garments.design.design_job import KeptDesigns
+from haptics.garments.design.rating import solved
 from haptics.garments.mesh_files import write_obj, write_ply
 from haptics.garments.pattern import Pattern, PatternOptions, make_pattern, write_pattern
-from haptics.garments.rating import solved
 from haptics.recording.output import refuse_existing
 
 

@@ -11,10 +11,10 @@ import numpy as np
 
 from haptics.errors import InputError
 from haptics.garments.bodies.body import Body
-from haptics.garments.coarsening import anchored, coarsened
-from haptics.garments.cutting import cut_out, openings
+from haptics.garments.cut.coarsening import anchored, coarsened
+from haptics.garments.cut.cutting import cut_out, openings
+from haptics.garments.cut.subdivision import Sparse, loop
 from haptics.garments.mesh import Bools, Floats, Ints, SurfaceMesh, checked_mesh
-from haptics.garments.subdivision import Sparse, loop
 from haptics.units import one_of
 
 LEVELS = {"coarse": 500, "draft": 1800, "standard": 7000, "reference": 28000}

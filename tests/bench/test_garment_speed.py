@@ -14,10 +14,10 @@ import pytest
 
 from haptics.garments.bodies import open_body
 from haptics.garments.bodies.motions import MOTIONS
-from haptics.garments.cholesky import installed_solvers
+from haptics.garments.design.topology import optimise
+from haptics.garments.equilibrium.cholesky import installed_solvers
+from haptics.garments.equilibrium.wearing import WornMotion, wear
 from haptics.garments.garment import LEVELS, cut_garment
-from haptics.garments.topology import optimise
-from haptics.garments.wearing import WornMotion, wear
 
 pytestmark = pytest.mark.bench
 

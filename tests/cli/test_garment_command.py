@@ -12,11 +12,12 @@ import pytest
 
 pytest.importorskip("matplotlib", reason="extra `report`")
 
-from haptics.garments import catalogue, simulation
-from haptics.garments.cholesky import installed_solvers
-from haptics.garments.design_job import open_designs
-from haptics.garments.designs import read_designs
-from haptics.garments.rating import Densities, solved
+from haptics.garments import catalogue
+from haptics.garments.design.design_job import open_designs
+from haptics.garments.design.designs import read_designs
+from haptics.garments.design.rating import Densities, solved
+from haptics.garments.equilibrium import simulation
+from haptics.garments.equilibrium.cholesky import installed_solvers
 
 SLEEVE = ("--garment", "sleeve", "--motion", "elbow_flexion", "--angle-deg", "90", "--level", "coarse")
 FILES = {"designs.h5", "sequence.png", "density.png", "garment.png", "design.json"}

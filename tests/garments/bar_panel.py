@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from haptics.garments.equilibrium.simulation import Equilibrium
 from haptics.garments.mesh import SurfaceMesh
-from haptics.garments.simulation import Equilibrium
 
 
 def flat_sheet(columns: int, rows: int, width_m: float = 0.1, height_m: float = 0.1) -> SurfaceMesh:

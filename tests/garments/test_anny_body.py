@@ -12,7 +12,7 @@ from haptics.garments.bodies import MOTIONS, PARTS, anny_body, open_body
 from haptics.garments.bodies.anny_body import ADULT, AnnyBody
 from haptics.garments.bodies.anny_rig import ENDS, SEGMENTS, missing, moved, rest_shape, skinned, straight_rig, straightening
 from haptics.garments.bodies.motions import ARM_DIRECTION, JOINTS, LEG_DIRECTION
-from haptics.garments.cutting import openings
+from haptics.garments.cut.cutting import openings
 from haptics.garments.garment import GARMENTS, OPENINGS, cut_garment
 from haptics.garments.mesh import SurfaceMesh, checked_mesh
 

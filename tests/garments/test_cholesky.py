@@ -8,9 +8,9 @@ from scipy.sparse import csr_array
 from tube import tube
 
 from haptics.errors import InputError
-from haptics.garments.cholesky import NotDefinite, installed_solvers, open_solver
-from haptics.garments.ordering import nested_dissection
-from haptics.garments.stiffness import StiffnessPattern
+from haptics.garments.equilibrium.cholesky import NotDefinite, installed_solvers, open_solver
+from haptics.garments.equilibrium.ordering import nested_dissection
+from haptics.garments.equilibrium.stiffness import StiffnessPattern
 
 
 @pytest.fixture(scope="module")

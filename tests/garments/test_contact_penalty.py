@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from haptics.garments.contact import Contact
+from haptics.garments.equilibrium.contact import Contact
 
 R = 20e-6
 

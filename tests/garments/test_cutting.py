@@ -3,8 +3,8 @@ import pytest
 
 from haptics.errors import InputError
 from haptics.garments.bodies.fairing import spanned, spread
-from haptics.garments.coarsening import anchored, coarsened
-from haptics.garments.cutting import cut_out, openings, trimmed
+from haptics.garments.cut.coarsening import anchored, coarsened
+from haptics.garments.cut.cutting import cut_out, openings, trimmed
 from haptics.garments.mesh import SurfaceMesh, checked_mesh
 
 

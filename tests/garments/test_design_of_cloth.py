@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 
 from haptics.garments.bodies import MOTIONS, open_body
-from haptics.garments.designs import DesignSequence, DesignStore
-from haptics.garments.drawn import best_drawn
+from haptics.garments.design.designs import DesignSequence, DesignStore
+from haptics.garments.design.drawn import best_drawn
+from haptics.garments.design.rating import Densities, first_by_area
+from haptics.garments.design.topology import optimise
+from haptics.garments.equilibrium.simulation import GarmentOnBody
+from haptics.garments.equilibrium.wearing import WornMotion, wear
 from haptics.garments.garment import cut_garment
 from haptics.garments.materials import CLOTH
 from haptics.garments.mesh import Bools
-from haptics.garments.patch import ClampedPatch
-from haptics.garments.rating import Densities, first_by_area
-from haptics.garments.simulation import GarmentOnBody
-from haptics.garments.topology import optimise
-from haptics.garments.wearing import WornMotion, wear
+from haptics.garments.patch.clamped_patch import ClampedPatch
 
 COVERAGE = 0.15
 SOLVER = "superlu"

@@ -13,8 +13,8 @@ import pytest
 from bar_panel import BarPanel
 
 from haptics.errors import HapticsError, InputError
-from haptics.garments.designs import DesignStore, read_designs
-from haptics.garments.topology import BesoParameters, DesignInterrupted, optimise
+from haptics.garments.design.designs import DesignStore, read_designs
+from haptics.garments.design.topology import BesoParameters, DesignInterrupted, optimise
 
 COVERAGE = 0.3
 SETTINGS = {"garment": "panel", "angle_deg": 90.0}
@@ -156,8 +156,8 @@ CHILD = f"""
 import sys
 import numpy as np
 from bar_panel import BarPanel
-from haptics.garments.designs import DesignStore
-from haptics.garments.topology import optimise
+from haptics.garments.design.designs import DesignStore
+from haptics.garments.design.topology import optimise
 store = DesignStore(sys.argv[1], {SETTINGS!r})
 panel = BarPanel(np.linspace(0.005, 0.02, 20), columns=15)
 optimise(panel, {COVERAGE}, store=store, progress=lambda number, step: print(number, flush=True))

@@ -7,10 +7,10 @@ import pytest
 from bar_panel import flat_sheet, tube
 
 from haptics.errors import InputError
-from haptics.garments.drawn import PLACES, best_drawn, drawn_designs
+from haptics.garments.design.drawn import PLACES, best_drawn, drawn_designs
+from haptics.garments.design.rating import Unconverged, solved
+from haptics.garments.equilibrium.simulation import Equilibrium
 from haptics.garments.mesh import Bools, Floats, SurfaceMesh
-from haptics.garments.rating import Unconverged, solved
-from haptics.garments.simulation import Equilibrium
 
 STRAINED_AT_DEG = 77.0
 RADIUS_M, LENGTH_M = 0.04, 0.3

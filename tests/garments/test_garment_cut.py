@@ -4,7 +4,7 @@ import pytest
 from haptics.errors import InputError
 from haptics.garments.bodies import MOTIONS
 from haptics.garments.bodies.capsule import CapsuleBody
-from haptics.garments.cutting import openings
+from haptics.garments.cut.cutting import openings
 from haptics.garments.garment import BAND_M, GARMENTS, LEVELS, OPENINGS, cut_garment, garment_from_mesh
 from haptics.garments.mesh import SurfaceMesh, checked_mesh
 

@@ -12,9 +12,9 @@ import pytest
 pytest.importorskip("rerun", reason="extra `view`")
 
 from haptics.errors import InputError
-from haptics.garments.design_job import DesignJob, put_on
-from haptics.garments.rrd import HIGHEST_COLOUR, LOWEST_COLOUR, write_motion_rrd
-from haptics.garments.wearing import evaluate_motion
+from haptics.garments.design.design_job import DesignJob, put_on
+from haptics.garments.equilibrium.wearing import evaluate_motion
+from haptics.garments.views.rrd import HIGHEST_COLOUR, LOWEST_COLOUR, write_motion_rrd
 
 
 def columns(path: Path, entity: str, static: bool = False) -> dict[str, list]:

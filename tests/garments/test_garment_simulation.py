@@ -8,10 +8,10 @@ from scipy.spatial.transform import Rotation
 from tube import RADIUS_M, tube_garment
 
 from haptics.errors import InputError
-from haptics.garments.cholesky import installed_solvers
+from haptics.garments.equilibrium.cholesky import installed_solvers
+from haptics.garments.equilibrium.membrane import TAUT, natural_width
+from haptics.garments.equilibrium.simulation import GarmentOnBody
 from haptics.garments.materials import CLOTH, INTERFACE, REINFORCED
-from haptics.garments.membrane import TAUT, natural_width
-from haptics.garments.simulation import GarmentOnBody
 
 NO_HOLD = INTERFACE.with_values(attachment_n_m3=0.0, regulariser_n_m3=1.0)
 HARD = NO_HOLD.with_values(contact_n_m3=1e10, rounding_m=1e-7)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from bar_panel import flat_sheet, tube
 
-from haptics.garments.geodesic import SurfaceGraph, boundary_loops
+from haptics.garments.design.geodesic import SurfaceGraph, boundary_loops
 from haptics.garments.mesh import SurfaceMesh
 
 

@@ -7,8 +7,8 @@ import pytest
 from tube import RADIUS_M, tube
 
 from haptics.errors import InputError
+from haptics.garments.equilibrium.surface import ImplicitBody, nearest_vertices, neighbour_lists
 from haptics.garments.mesh import SurfaceMesh
-from haptics.garments.surface import ImplicitBody, nearest_vertices, neighbour_lists
 
 
 def body_of(vertices, triangles):

@@ -9,7 +9,7 @@ import pytest
 from bar_panel import tube
 
 from haptics.errors import InputError
-from haptics.garments.masks import mask_from_image, mask_from_list, mask_from_surface, read_mask, with_coverage
+from haptics.garments.design.masks import mask_from_image, mask_from_list, mask_from_surface, read_mask, with_coverage
 from haptics.garments.mesh import SurfaceMesh
 
 TUBE = tube(60, 50, 0.04, 0.3)

@@ -10,8 +10,8 @@ from scipy.special import lambertw
 from scipy.stats import special_ortho_group
 
 from haptics.errors import InputError
+from haptics.garments.equilibrium.membrane import SLACK, TAUT, WRINKLED, Membrane, natural_width
 from haptics.garments.materials import CLOTH, REINFORCED, Lame, Material
-from haptics.garments.membrane import SLACK, TAUT, WRINKLED, Membrane, natural_width
 from haptics.garments.mesh import SurfaceMesh
 
 Array = NDArray[np.float64]

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from haptics.errors import HapticsError
-from haptics.garments.cholesky import NotDefinite
-from haptics.garments.newton import LARGEST_STEP_M, equilibrium
+from haptics.garments.equilibrium.cholesky import NotDefinite
+from haptics.garments.equilibrium.newton import LARGEST_STEP_M, equilibrium
 
 AREA_M2 = 1e-5
 """Of the one vertex: damping is a stiffness per area."""

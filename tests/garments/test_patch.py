@@ -10,11 +10,11 @@ import pytest
 from skfem_judge import CLOTH, NU, REINFORCED, SIDE_M, even_mesh, judge_patch, lame_n_m, strip, x_design
 
 from haptics.errors import InputError
-from haptics.garments.bands import Band, Layout, covered, crossed, fitted, parallel
 from haptics.garments.materials import CLOTH as OUR_CLOTH, REINFORCED as OUR_REINFORCED
-from haptics.garments.patch import ClampedPatch, layout_of, pull
-from haptics.garments.patch_layouts import FAMILIES, READINGS, coverage_for, most_energy_j, try_layout
-from haptics.garments.patch_mesh import patch_mesh
+from haptics.garments.patch.bands import Band, Layout, covered, crossed, fitted, parallel
+from haptics.garments.patch.clamped_patch import ClampedPatch, layout_of, pull
+from haptics.garments.patch.patch_layouts import FAMILIES, READINGS, coverage_for, most_energy_j, try_layout
+from haptics.garments.patch.patch_mesh import patch_mesh
 
 SMALL = 500
 """Triangles asked for where only a trend is looked at; the forces are right to 0.3 % then."""
@@ -128,7 +128,7 @@ def test_where_newton_starts_does_not_matter() -> None:
 
 
 def test_any_installed_solver_gives_the_same() -> None:
-    from haptics.garments.cholesky import installed_solvers
+    from haptics.garments.equilibrium.cholesky import installed_solvers
 
     forces = []
     for name in installed_solvers():

@@ -15,9 +15,10 @@ from matplotlib.image import imread
 
 from haptics.errors import InputError
 from haptics.garments.bodies import open_body
-from haptics.garments.designs import DesignSequence, DesignStep, Reached
+from haptics.garments.design.designs import DesignSequence, DesignStep, Reached
+from haptics.garments.design.rating import Densities
 from haptics.garments.mesh import SurfaceMesh
-from haptics.garments.pictures import (
+from haptics.garments.views.pictures import (
     REINFORCED_COLOUR,
     brightest,
     draw_density,
@@ -26,8 +27,7 @@ from haptics.garments.pictures import (
     draw_sequence,
     spread_out,
 )
-from haptics.garments.rating import Densities
-from haptics.garments.shading import DARKEST, Painted, View, framed, shaded
+from haptics.garments.views.shading import DARKEST, Painted, View, framed, shaded
 
 RED, GREEN = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from bar_panel import BarPanel, flat_sheet, tube
 
+from haptics.garments.design.sensitivity import laplacian, mesh_filter, pass_spread_m, sensitivities
 from haptics.garments.mesh import SurfaceMesh
-from haptics.garments.sensitivity import laplacian, mesh_filter, pass_spread_m, sensitivities
 
 RATIO, P, D_MIN = BarPanel.reinforced_n_m / BarPanel.cloth_n_m, 1.6, 0.001
 

@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 
 from haptics.garments.bodies.capsule import CapsuleBody
-from haptics.garments.cutting import cut_out, openings
+from haptics.garments.cut.cutting import cut_out, openings
+from haptics.garments.cut.subdivision import loop
 from haptics.garments.mesh import SurfaceMesh
-from haptics.garments.subdivision import loop
 
 
 def sheet(columns, rows):

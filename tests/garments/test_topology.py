@@ -9,8 +9,8 @@ import pytest
 from bar_panel import BarPanel
 
 from haptics.errors import InputError
-from haptics.garments.sensitivity import mesh_filter, sensitivities
-from haptics.garments.topology import BesoParameters, DesignInterrupted, evolve, optimise
+from haptics.garments.design.sensitivity import mesh_filter, sensitivities
+from haptics.garments.design.topology import BesoParameters, DesignInterrupted, evolve, optimise
 
 PULLS_M = np.linspace(0.005, 0.02, 20)
 PLAIN = BesoParameters(filter_spread_m=0.0)

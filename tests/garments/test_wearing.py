@@ -8,8 +8,8 @@ import pytest
 from haptics.errors import InputError
 from haptics.garments.bodies import open_body
 from haptics.garments.bodies.motions import MOTIONS
+from haptics.garments.equilibrium.wearing import evaluate_motion, wear
 from haptics.garments.garment import cut_garment
-from haptics.garments.wearing import evaluate_motion, wear
 
 
 @pytest.fixture(scope="module")

@@ -11,8 +11,8 @@ import pytest
 
 from haptics.cli import main as cli
 from haptics.errors import InputError
-from haptics.garments import simulation
-from haptics.garments.design_run import FILES
+from haptics.garments.design.design_run import FILES
+from haptics.garments.equilibrium import simulation
 from rigs.garments import table
 from rigs.garments.report import page_of, warnings_of, write_report
 from rigs.garments.table import CASES, TableOptions, make_rows

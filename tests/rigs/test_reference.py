@@ -19,8 +19,8 @@ from scipy.stats import chi2, f as f_distribution
 from haptics import physics
 from haptics.errors import InputError
 from haptics.fidelity.notice import JND_PERCENT_OF_RATE, JND_PERCENT_OF_VOLTS
-from haptics.garments.patch import pull as pull_patch
-from haptics.garments.patch_layouts import most_energy_j
+from haptics.garments.patch.clamped_patch import pull as pull_patch
+from haptics.garments.patch.patch_layouts import most_energy_j
 from haptics.physics.brake_contact import CONTACT
 from haptics.physics.brake_fit import FLOOR_SD_N, PUBLISHED_POINTS
 from haptics.physics.brake_force import FINGERS, default_law

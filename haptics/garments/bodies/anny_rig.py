@@ -19,7 +19,7 @@ from haptics.garments.bodies.body import PARTS
 from haptics.garments.bodies.cache import cache_folder
 from haptics.garments.bodies.fairing import spanned, spread
 from haptics.garments.bodies.motions import ARM_DIRECTION, JOINTS, LEG_DIRECTION
-from haptics.garments.cutting import largest_piece
+from haptics.garments.cut.cutting import largest_piece
 from haptics.garments.mesh import Floats, Ints
 
 FORMAT = 1

@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 
 from haptics.errors import InputError, LimitError
-from haptics.garments.design_job import STORE, DesignJob, put_on, settings_of
-from haptics.garments.designs import COVERAGE_TOLERANCE, DesignSequence, DesignStep, DesignStore
-from haptics.garments.drawn import SHAPES, DrawnDesign, best_drawn
-from haptics.garments.pictures import draw_density, draw_energy, draw_sequence, why_no_pictures
-from haptics.garments.rating import Unconverged, coverage_of, solved
-from haptics.garments.topology import DesignInterrupted, Progress, optimise
-from haptics.garments.wearing import WornMotion
+from haptics.garments.design.design_job import STORE, DesignJob, put_on, settings_of
+from haptics.garments.design.designs import COVERAGE_TOLERANCE, DesignSequence, DesignStep, DesignStore
+from haptics.garments.design.drawn import SHAPES, DrawnDesign, best_drawn
+from haptics.garments.design.rating import Unconverged, coverage_of, solved
+from haptics.garments.design.topology import DesignInterrupted, Progress, optimise
+from haptics.garments.equilibrium.wearing import WornMotion
+from haptics.garments.views.pictures import draw_density, draw_energy, draw_sequence, why_no_pictures
 from haptics.recording.output import refuse_existing, replacing
 
 FILES = (STORE, "sequence.png", "density.png", "garment.png", "design.json")

@@ -10,10 +10,10 @@ import numpy as np
 from haptics.errors import InputError
 from haptics.garments.bodies.body import Body
 from haptics.garments.bodies.motions import Motion
+from haptics.garments.equilibrium.simulation import TOLERANCE_N, Equilibrium, GarmentOnBody
 from haptics.garments.garment import Garment
 from haptics.garments.materials import CLOTH, INTERFACE, REINFORCED, Interface, Lame, Material
 from haptics.garments.mesh import Bools, Floats
-from haptics.garments.simulation import TOLERANCE_N, Equilibrium, GarmentOnBody
 
 TURN_RAD = 1e-6
 """Half the change of angle over which the energy's slope is taken: 0.3 um at the end of a forearm."""

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from haptics.errors import InputError
-from haptics.garments.geodesic import SurfaceGraph, boundary_loops
+from haptics.garments.design.geodesic import SurfaceGraph, boundary_loops
+from haptics.garments.design.rating import first_by_area
 from haptics.garments.mesh import Bools, Floats, SurfaceMesh
-from haptics.garments.rating import first_by_area
 from haptics.units import in_range, one_of
 
 NEAR_M = 0.005

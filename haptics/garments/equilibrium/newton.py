@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from haptics.errors import HapticsError
-from haptics.garments.cholesky import NotDefinite, SparseCholesky
+from haptics.garments.equilibrium.cholesky import NotDefinite, SparseCholesky
 from haptics.garments.mesh import Floats
 
 LARGEST_STEP_M = 0.01

@@ -13,8 +13,8 @@ from math import ceil, sqrt
 import numpy as np
 
 from haptics.errors import InputError
-from haptics.garments.bands import Layout
 from haptics.garments.mesh import Bools, Floats, Ints, SurfaceMesh
+from haptics.garments.patch.bands import Layout
 
 MOST_ROUNDS = 30
 CLEARANCE = 0.6

@@ -8,9 +8,9 @@ import numpy as np
 
 from haptics.errors import InputError
 from haptics.garments.bodies.fairing import neighbour_means
-from haptics.garments.cutting import trimmed
+from haptics.garments.cut.cutting import trimmed
+from haptics.garments.cut.subdivision import Sparse
 from haptics.garments.mesh import Floats, Ints, SurfaceMesh
-from haptics.garments.subdivision import Sparse
 
 _ROUNDS = 5
 """Of relaxation after edges have been collapsed."""

@@ -18,16 +18,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from haptics.errors import InputError
-from haptics.garments.designs import COVERAGE_TOLERANCE, DesignSequence, DesignStep, DesignStore, Reached, asked_for
+from haptics.garments.design.designs import COVERAGE_TOLERANCE, DesignSequence, DesignStep, DesignStore, Reached, asked_for
+from haptics.garments.design.rating import Densities, Unconverged, coverage_of, first_by_area, solved
+from haptics.garments.design.sensitivity import mesh_filter, pass_spread_m, sensitivities
 from haptics.garments.materials import CLOTH, REINFORCED
 from haptics.garments.mesh import Bools, Floats
-from haptics.garments.rating import Densities, Unconverged, coverage_of, first_by_area, solved
-from haptics.garments.sensitivity import mesh_filter, pass_spread_m, sensitivities
 from haptics.physics.parameters import Parameters, parameter
 from haptics.units import in_range
 
 if TYPE_CHECKING:
-    from haptics.garments.simulation import Equilibrium, Reinforceable
+    from haptics.garments.equilibrium.simulation import Equilibrium, Reinforceable
 
 SMALLEST_COVERAGE = 0.01
 FEWEST_EXCHANGED = 2

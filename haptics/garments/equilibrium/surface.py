@@ -24,7 +24,7 @@ NEIGHBOURS = 60
 
 
 LEAST_WEIGHT = 1e-3
-"""Below this sum of the phi_k, at nine tenths of every support, the quotient is steep and means nothing: no skin is felt there."""
+"""Below this sum of the phi_k, at nine tenths of every support, the quotient is steep and means nothing: no skin there."""
 
 
 def neighbour_lists(rest: SurfaceMesh, count: int = NEIGHBOURS) -> Ints:

@@ -18,8 +18,8 @@ from haptics.garments.mesh import Bools, Floats, SurfaceMesh
 from haptics.recording.output import replacing
 
 if TYPE_CHECKING:
-    from haptics.garments.designs import DesignSequence
-    from haptics.garments.wearing import MotionEvaluation, WornMotion
+    from haptics.garments.design.designs import DesignSequence
+    from haptics.garments.equilibrium.wearing import MotionEvaluation, WornMotion
 
 SKIN, CLOTH_COLOUR = np.array([0.93, 0.87, 0.81]), np.array([0.78, 0.80, 0.84])
 BAND_COLOUR, REINFORCED_COLOUR = np.array([0.90, 0.62, 0.72]), np.array([0.11, 0.27, 0.62])
@@ -191,7 +191,7 @@ def _front_and_back(worn: WornMotion, body_m: Floats, cloth_m: Floats, colours: 
 
     All to the same scale.
     """
-    from haptics.garments.shading import Painted, framed, shaded
+    from haptics.garments.views.shading import Painted, framed, shaded
 
     body, cloth = SurfaceMesh(body_m, worn.body.triangles), SurfaceMesh(cloth_m, worn.garment.triangles)
     skin = np.broadcast_to(SKIN, body.triangles.shape).copy()

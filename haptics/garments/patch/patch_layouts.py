@@ -10,9 +10,9 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from math import log
 
-from haptics.garments.bands import Band, Layout, crossed, fitted, parallel
 from haptics.garments.materials import CLOTH, REINFORCED, Lame, Material
-from haptics.garments.patch import SIDE_M, ClampedPatch, PatchResult, pulled
+from haptics.garments.patch.bands import Band, Layout, crossed, fitted, parallel
+from haptics.garments.patch.clamped_patch import SIDE_M, ClampedPatch, PatchResult, pulled
 from haptics.units import in_range, one_of
 
 Family = Callable[[float], Layout]

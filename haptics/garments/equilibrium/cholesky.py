@@ -21,8 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from haptics.errors import HapticsError
+from haptics.garments.equilibrium.ordering import nested_dissection
 from haptics.garments.mesh import Floats
-from haptics.garments.ordering import nested_dissection
 from haptics.units import one_of
 
 Indices = NDArray[np.int32]

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from haptics.errors import InputError
+from haptics.garments.cut.subdivision import Sparse
 from haptics.garments.mesh import Floats, Ints, SurfaceMesh
-from haptics.garments.subdivision import Sparse
 
 
 def cut_out(vertices_m: Floats, triangles: Ints, field: Floats) -> tuple[Sparse, Ints]:

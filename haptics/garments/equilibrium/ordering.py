@@ -1,8 +1,8 @@
 """An order of unknowns that keeps a sparse factor small: nested dissection by levels.
 
 Pieces of the mesh are cut in two by a narrow ring of vertices, taken from the levels of a breadth-first walk between two far
-ends; the ring comes last, the halves first, each cut again. On a garment SuperLU then takes a third of the time that its own minimum
-degree order needs (`make bench`).
+ends; the ring comes last, the halves first, each cut again. On a garment SuperLU then takes a third of the time that its own
+minimum degree order needs.
 """
 
 from __future__ import annotations

@@ -15,13 +15,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from haptics.errors import InputError
-from haptics.garments.geodesic import SurfaceGraph, boundary_loops
+from haptics.garments.design.geodesic import SurfaceGraph, boundary_loops
+from haptics.garments.design.rating import Densities, Unconverged, coverage_of, first_by_area, solved
 from haptics.garments.mesh import Bools, Floats, Ints
-from haptics.garments.rating import Densities, Unconverged, coverage_of, first_by_area, solved
 from haptics.units import in_range, one_of
 
 if TYPE_CHECKING:
-    from haptics.garments.simulation import Equilibrium, Reinforceable
+    from haptics.garments.equilibrium.simulation import Equilibrium, Reinforceable
 
 SHAPES = ("line", "x")
 PLACES = 8

@@ -13,15 +13,15 @@ from typing import Protocol
 import numpy as np
 
 from haptics.errors import InputError
-from haptics.garments.cholesky import SparseCholesky, open_solver
-from haptics.garments.contact import Contact
+from haptics.garments.equilibrium.cholesky import SparseCholesky, open_solver
+from haptics.garments.equilibrium.contact import Contact
+from haptics.garments.equilibrium.membrane import Membrane
+from haptics.garments.equilibrium.newton import equilibrium
+from haptics.garments.equilibrium.stiffness import StiffnessPattern
+from haptics.garments.equilibrium.surface import ImplicitBody, nearest_vertices, neighbour_lists
 from haptics.garments.garment import Garment
 from haptics.garments.materials import CLOTH, INTERFACE, REINFORCED, Interface, Lame, Material
-from haptics.garments.membrane import Membrane
 from haptics.garments.mesh import Bools, Floats, Ints, SurfaceMesh
-from haptics.garments.newton import equilibrium
-from haptics.garments.stiffness import StiffnessPattern
-from haptics.garments.surface import ImplicitBody, nearest_vertices, neighbour_lists
 
 TOLERANCE_N = 1e-7
 """Force left over in the whole garment, 2-norm (thesis 5.4.4)."""

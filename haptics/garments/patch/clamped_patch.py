@@ -14,15 +14,15 @@ from typing import Literal
 import numpy as np
 
 from haptics.errors import InputError
-from haptics.garments.bands import Layout, crossed, fitted, parallel
-from haptics.garments.cholesky import open_solver
+from haptics.garments.equilibrium.cholesky import open_solver
+from haptics.garments.equilibrium.membrane import Membrane
+from haptics.garments.equilibrium.newton import equilibrium
+from haptics.garments.equilibrium.simulation import Equilibrium, require_float64
+from haptics.garments.equilibrium.stiffness import StiffnessPattern
 from haptics.garments.materials import CLOTH, REINFORCED, Lame, Material
-from haptics.garments.membrane import Membrane
 from haptics.garments.mesh import Bools, Floats, Ints
-from haptics.garments.newton import equilibrium
-from haptics.garments.patch_mesh import patch_mesh
-from haptics.garments.simulation import Equilibrium, require_float64
-from haptics.garments.stiffness import StiffnessPattern
+from haptics.garments.patch.bands import Layout, crossed, fitted, parallel
+from haptics.garments.patch.patch_mesh import patch_mesh
 from haptics.units import in_range, one_of
 
 DESIGNS = ("none", "full", "strip", "line", "x")

@@ -11,13 +11,13 @@ import numpy as np
 
 from haptics.errors import InputError
 from haptics.garments.bodies import MOTIONS, Body, Motion, open_body
-from haptics.garments.cholesky import installed_solvers
-from haptics.garments.designs import COVERAGE_TOLERANCE, DesignSequence, DesignStep, asked_for, read_designs
+from haptics.garments.design.designs import COVERAGE_TOLERANCE, DesignSequence, DesignStep, asked_for, read_designs
+from haptics.garments.design.topology import SMALLEST_COVERAGE
+from haptics.garments.equilibrium.cholesky import installed_solvers
+from haptics.garments.equilibrium.wearing import WornMotion, wear
 from haptics.garments.garment import GARMENTS, LEVELS, Garment, cut_garment
 from haptics.garments.materials import CLOTH, INTERFACE, REINFORCED, Interface, Lame, Material, ReinforcedMaterial
 from haptics.garments.mesh import SurfaceMesh
-from haptics.garments.topology import SMALLEST_COVERAGE
-from haptics.garments.wearing import WornMotion, wear
 from haptics.units import in_range, one_of
 
 STORE = "designs.h5"

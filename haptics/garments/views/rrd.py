@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 
 from haptics.errors import HapticsError, InputError
+from haptics.garments.equilibrium.wearing import MotionEvaluation, WornMotion
 from haptics.garments.mesh import Floats, SurfaceMesh
-from haptics.garments.pictures import SKIN, brightest
-from haptics.garments.wearing import MotionEvaluation, WornMotion
+from haptics.garments.views.pictures import SKIN, brightest
 from haptics.recording.output import replacing
 
 TIMELINE = "angle_deg"

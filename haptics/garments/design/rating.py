@@ -11,7 +11,7 @@ from haptics.errors import HapticsError, InputError
 from haptics.garments.mesh import Bools, Floats, Ints
 
 if TYPE_CHECKING:
-    from haptics.garments.simulation import Equilibrium, Reinforceable
+    from haptics.garments.equilibrium.simulation import Equilibrium, Reinforceable
 
 
 class Unconverged(HapticsError):

@@ -26,8 +26,8 @@ from typing import Any
 import numpy as np
 
 from haptics.errors import HapticsError, InputError
+from haptics.garments.design.rating import Densities
 from haptics.garments.mesh import Bools, Floats
-from haptics.garments.rating import Densities
 from haptics.recording.output import replacing
 
 LAYOUT = 1
