@@ -268,7 +268,8 @@ class TestEvaluate:
         same = answer("garment", "evaluate", tmp_path / "half.npz", *SLEEVE, "--steps", "1", "--against", tmp_path / "half.npz")
         assert same["against"]["coverage"] == pytest.approx(same["coverage"], abs=0.006)  # a triangle of this coarse mesh
 
-    def test_a_person_reads_a_table(self, designed, command):
+    def test_a_person_reads_a_table(self, designed, command, monkeypatch):
+        monkeypatch.setenv("COLUMNS", "160")
         code, out, _ = command("garment", "evaluate", designed[0], "--steps", "2", "--against", "x")
         assert code == 0
         for words in ("torque, N m", "x: energy, J", "reinforced part (5.6)", "45"):

@@ -9,6 +9,7 @@ import pytest
 from bar_panel import BarPanel
 
 from haptics.errors import InputError
+from haptics.garments.design.designs import DesignStore, read_designs
 from haptics.garments.design.sensitivity import mesh_filter, sensitivities
 from haptics.garments.design.topology import BesoParameters, DesignInterrupted, evolve, optimise
 
@@ -100,16 +101,24 @@ def test_triangles_that_are_not_designable_stay_cloth_and_do_not_count() -> None
     assert final.coverage == pytest.approx(2 / 18, abs=1e-12)
 
 
-def test_sensitivities_are_averaged_with_those_of_the_past() -> None:
-    """Eq. 5.14, replayed from the designs."""
-    panel = _panel()
-    sequence = optimise(panel, 0.9, PLAIN)
+def test_sensitivities_are_averaged_with_those_of_the_past(tmp_path) -> None:
+    """Eq. 5.14, replayed from the designs of the first steps."""
+    panel, store = _panel(), DesignStore(tmp_path / "designs.h5")
+
+    def stop(number: int, step: object) -> None:
+        if number == 7:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        optimise(panel, 0.8, PLAIN, store=store, progress=stop)
+    _, sequence = read_designs(store.path)
     smooth, history = mesh_filter(panel.rest, 0.0), None
     for step in sequence.steps:
         energy = panel.solve(step.design).element_energy_j
         alpha = smooth(sensitivities(step.design, panel.areas_m2, energy, PLAIN.stiffness_ratio, PLAIN.penalty, PLAIN.d_min))
         history = alpha if history is None else (alpha + history) / 2
-    assert sequence.history_j_m2 == pytest.approx(history, rel=1e-12)
+    assert len(sequence.steps) == 8
+    assert sequence.at_latest.history_j_m2 == pytest.approx(history, rel=1e-12)
 
 
 def test_full_coverage_is_the_full_garment() -> None:
@@ -178,7 +187,23 @@ def test_ends_though_the_energy_does_not_settle() -> None:
     restless = BesoParameters(filter_spread_m=0.0, settled_change=0.0, most_extra_steps=12)
     sequence = optimise(_shaken(_panel()), 0.5, restless)
     assert sequence.complete
-    assert sum(abs(step.coverage - 0.5) <= 0.003 for step in sequence.steps) in (12, 13)
+    there = [step for step in sequence.steps if abs(step.coverage - 0.5) <= 0.003]
+    # of the 9 triangles that a step may exchange a half and a quarter, 4 and 2, are tried since the best: fewer are not worth it
+    best = there.index(sequence.final)
+    assert len(there) == max(best + 1, 12) + 2
+
+
+def test_once_settled_the_search_goes_on_from_the_best_with_ever_fewer_exchanged() -> None:
+    restless = BesoParameters(filter_spread_m=0.0, settled_change=0.0, most_extra_steps=12)
+    panel = _shaken(_panel())
+    steps = optimise(panel, 0.5, restless).steps
+    first = next(n for n, step in enumerate(steps) if abs(step.coverage - 0.5) <= 0.003)
+    area, tries = panel.areas_m2.sum(), 0
+    best = max(steps[first : first + 12], key=lambda step: step.density)
+    for step in steps[first + 12 :]:
+        added = panel.areas_m2[step.design & ~best.design].sum()
+        assert added <= 0.015 * area * 0.5 ** (tries + 1) + 1e-12
+        best, tries = (step, 0) if step.density > best.density else (best, tries + 1)
 
 
 def test_of_the_designs_with_the_coverage_the_densest_is_chosen_with_its_equilibrium() -> None:
@@ -186,8 +211,8 @@ def test_of_the_designs_with_the_coverage_the_densest_is_chosen_with_its_equilib
     there = [step for step in sequence.steps if abs(step.coverage - 0.5) <= 0.003]
     assert sequence.final.density == max(step.density for step in there)
     assert sequence.final is not sequence.steps[-1]
-    assert sequence.final_positions_m[0, 2] == pytest.approx(sequence.final.energy_j, rel=1e-12)
-    assert sequence.positions_m[0, 2] == pytest.approx(sequence.steps[-1].energy_j, rel=1e-12)
+    assert sequence.at_final.positions_m[0, 2] == pytest.approx(sequence.final.energy_j, rel=1e-12)
+    assert sequence.at_latest.positions_m[0, 2] == pytest.approx(sequence.steps[-1].energy_j, rel=1e-12)
 
 
 def _evolved(alpha, design, area, limit, areas=None):
