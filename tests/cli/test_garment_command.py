@@ -23,6 +23,10 @@ SLEEVE = ("--garment", "sleeve", "--motion", "elbow_flexion", "--angle-deg", "90
 FILES = {"designs.h5", "sequence.png", "density.png", "garment.png", "design.json"}
 
 
+DRAWN = 1 + 8 + 16
+"""Equilibria before the first step: the full garment, 8 places of the line, 16 of the X."""
+
+
 @pytest.fixture(scope="module")
 def designed(tmp_path_factory) -> tuple[Path, dict]:
     """A design made once by the command: its folder, and what the command said."""
@@ -97,7 +101,7 @@ class TestDesign:
 
         def interrupted(self, design, start=None):
             calls.append(1)
-            if len(calls) == 8:
+            if len(calls) == DRAWN + 8:
                 raise KeyboardInterrupt
             return solve(self, design, start)
 
@@ -132,7 +136,7 @@ class TestDesign:
         def failing(self, design, start=None):
             found = solve(self, design, start)
             calls.append(1)
-            return replace(found, converged=False, residual_n=1.0) if len(calls) in (5, 6) else found
+            return replace(found, converged=False, residual_n=1.0) if len(calls) in (DRAWN + 5, DRAWN + 6) else found
 
         monkeypatch.setattr(simulation.GarmentOnBody, "solve", failing)
         code, out, _ = command("garment", "design", *SLEEVE, "--coverage", "0.85", "--out", tmp_path / "d", "--json")

@@ -10,6 +10,8 @@ from bar_panel import BarPanel
 
 from haptics.errors import InputError
 from haptics.garments.design.designs import DesignStore, read_designs
+from haptics.garments.design.drawn import DrawnDesign
+from haptics.garments.design.rating import Densities
 from haptics.garments.design.sensitivity import mesh_filter, sensitivities
 from haptics.garments.design.topology import BesoParameters, DesignInterrupted, evolve, optimise
 
@@ -275,3 +277,27 @@ def test_mesh_too_coarse_for_a_coverage_is_refused() -> None:
 def test_parameters_out_of_range_are_refused(values: dict) -> None:
     with pytest.raises(InputError, match=next(iter(values))):
         BesoParameters(**values)
+
+
+def test_a_drawn_rival_that_is_better_is_tried_and_not_lost() -> None:
+    """Evolution begun with the bars pulled least, and allowed to add nothing, stays there; a hand has drawn the best ones."""
+    panel = _panel()
+    best, coverage = _best_rows(panel, 0.1), 0.1
+    full, state = panel.solve(panel.designable), panel.solve(best)
+    ratio = Densities.of(best, panel.areas_m2, state.element_energy_j).over(
+        Densities.of(panel.designable, panel.areas_m2, full.element_energy_j)
+    )
+    rival = DrawnDesign("line", best, "by hand", coverage, state.energy_j, ratio.reinforced_j_m2, ratio.eq65_j_m2, {})
+    stuck = {"parameters": BesoParameters(filter_spread_m=0.0, admission_limit=0.0), "start": panel.row_of() < 2}
+    without, contested = optimise(panel, coverage, **stuck), optimise(panel, coverage, rivals=[rival], **stuck)
+    assert without.final.density < 0.5 * rival.density
+    assert contested.final.density >= rival.density * (1 - 1e-12)
+    assert sum(np.array_equal(step.design, best) for step in contested.steps) >= 1
+
+
+def test_a_drawn_rival_that_is_far_off_changes_nothing() -> None:
+    panel = _panel()
+    worst = panel.row_of() < 2
+    rival = DrawnDesign("line", worst, "by hand", 0.1, 0.0, 0.1, 0.1, {})
+    plain, contested = optimise(panel, 0.1, PLAIN), optimise(panel, 0.1, PLAIN, rivals=[rival])
+    assert all(np.array_equal(a.design, b.design) for a, b in zip(plain.steps, contested.steps, strict=True))

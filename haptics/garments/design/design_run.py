@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -117,9 +117,10 @@ def run_design(
     say(f"putting {job.garment} on body {job.body}")
     worn = put_on(job)
     _make_room(out, [] if resume else list(paths.values()))
-    sequence, seconds, stopped = _designed(job, worn, paths[STORE], progress)
     say("rating the drawn line and X")
-    drawn = {shape: _baseline(worn, shape, sequence.final) for shape in SHAPES}
+    drawn = _baselines(job, worn)
+    say("evolving the design")
+    sequence, seconds, stopped = _designed(job, worn, paths[STORE], drawn, progress)
     missing = why_no_pictures()
     written = [path for path in paths.values() if not (missing and path.suffix == ".png")]
     notes = (missing,) if missing else ()
@@ -143,7 +144,7 @@ def _make_room(out: Path, stale: list[Path]) -> None:
 
 
 def _designed(
-    job: DesignJob, worn: WornMotion, path: Path, progress: Progress | None
+    job: DesignJob, worn: WornMotion, path: Path, drawn: Mapping[str, DrawnDesign | None], progress: Progress | None
 ) -> tuple[DesignSequence, tuple[float, ...], str | None]:
     """The sequence, the time of each step made now, and why it stopped too early, if it did."""
     times = [time.perf_counter()]
@@ -153,9 +154,10 @@ def _designed(
         if progress:
             progress(number, step)
 
-    stopped = None
+    stopped, store = None, DesignStore(path, settings_of(job, worn))
+    rivals = [best for best in drawn.values() if best]
     try:
-        sequence = optimise(worn.simulation, job.coverage, store=DesignStore(path, settings_of(job, worn)), progress=stepped)
+        sequence = optimise(worn.simulation, job.coverage, store=store, progress=stepped, rivals=rivals)
     except DesignInterrupted as error:
         if error.sequence is None:
             raise LimitError(f"{job.garment}, {job.motion}: {error}") from error
@@ -163,12 +165,19 @@ def _designed(
     return sequence, tuple(np.diff(times).tolist()), stopped
 
 
-def _baseline(worn: WornMotion, shape: str, final: DesignStep) -> DrawnDesign | None:
-    """Drawn with the area that the design has."""
+def _baselines(job: DesignJob, worn: WornMotion) -> dict[str, DrawnDesign | None]:
+    """The drawn line and X with the coverage asked for; None where one has no equilibrium."""
     try:
-        return best_drawn(worn.simulation, shape, final.coverage)
-    except Unconverged:
-        return None
+        full = solved(worn.simulation, worn.simulation.designable)
+    except Unconverged as error:
+        raise LimitError(f"{job.garment}, {job.motion}: {error}") from error
+    found: dict[str, DrawnDesign | None] = {}
+    for shape in SHAPES:
+        try:
+            found[shape] = best_drawn(worn.simulation, shape, job.coverage, full)
+        except Unconverged:
+            found[shape] = None
+    return found
 
 
 def _draw(report: DesignReport, paths: dict[str, Path]) -> None:

@@ -5,13 +5,14 @@ reinforced area shrink by a fixed part: the lowest lose theirs, and cloth that r
 step on the way is a design for its own coverage.
 
 At the target the procedure goes on exchanging triangles, and where loops open and close its steps differ widely. So once it has
-settled, the search goes on from the best design with half as many exchanged, a quarter, and so on, until none is better.
+settled, the search goes on from the best design with half as many exchanged, a quarter, and so on, until none is better. Drawn
+designs that come near take part: evolution goes downhill from the full garment only, and may miss what a hand has seen.
 """
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -27,9 +28,12 @@ from haptics.physics.parameters import Parameters, parameter
 from haptics.units import in_range
 
 if TYPE_CHECKING:
+    from haptics.garments.design.drawn import DrawnDesign
     from haptics.garments.equilibrium.simulation import Equilibrium, Reinforceable
 
 SMALLEST_COVERAGE = 0.01
+RIVAL = 0.9
+"""A drawn design of more than this part of the best density found is tried."""
 FEWEST_EXCHANGED = 2
 """Triangles: a step that may exchange fewer is not worth its equilibrium."""
 DRAFT_TRIANGLES = 3600
@@ -97,6 +101,7 @@ def optimise(
     store: DesignStore | None = None,
     progress: Progress | None = None,
     start: Bools | None = None,
+    rivals: Sequence[DrawnDesign] = (),
 ) -> DesignSequence:
     """The reinforcement of ``coverage`` that stores most energy when the cloth is loaded (eq. 5.11), and all those before it.
 
@@ -106,11 +111,12 @@ def optimise(
     :param coverage: reinforced over designable area, from 0.01 to 1; met within 0.3 % of the designable area.
     :param store: continued where it ends; each completed step goes to it.
     :param start: the design to begin with, ``(triangles,)``, smaller ones grow; None for the fully reinforced garment.
+    :param rivals: drawn designs of the same coverage. Those that come near the best one found are tried, too, and improved.
     :raises InputError: a coverage out of range, a mesh too coarse for it, a start that reinforces nothing or what is not
         designable, or a store begun with other settings.
     :raises DesignInterrupted: a step has no equilibrium. Nothing is lost: it holds the steps so far, as does the store.
     """
-    evolution = _Evolution(cloth, coverage, parameters, start)
+    evolution = _Evolution(cloth, coverage, parameters, start, rivals)
     sequence = store.load(evolution.settings) if store else None
     while sequence is None or not sequence.complete:
         sequence = evolution.step(sequence)
@@ -143,20 +149,25 @@ def evolve(alpha: Floats, design: Bools, designable: Bools, areas_m2: Floats, ar
 
 
 @dataclass(frozen=True, eq=False)
-class _Base:
-    """A design with its equilibrium and sensitivities, and what the next may have and add."""
+class _Next:
+    """A design to be tried, where the search for its equilibrium starts, and the sensitivities averaged with its own."""
 
     design: Bools
-    positions_m: Floats
-    history_j_m2: Floats
-    area_m2: float
-    admitted_m2: float
+    start_m: Floats | None = None
+    history_j_m2: Floats | None = None
 
 
 class _Evolution:
     """The procedure on one cloth: each step follows from the sequence so far and nothing else, so that it can be resumed."""
 
-    def __init__(self, cloth: Reinforceable, coverage: float, parameters: BesoParameters, start: Bools | None):
+    def __init__(
+        self,
+        cloth: Reinforceable,
+        coverage: float,
+        parameters: BesoParameters,
+        start: Bools | None,
+        rivals: Sequence[DrawnDesign],
+    ):
         in_range("coverage", coverage, SMALLEST_COVERAGE, 1.0)
         self.cloth, self.coverage, self.p = cloth, coverage, parameters
         self.areas, self.designable = cloth.areas_m2, cloth.designable
@@ -175,13 +186,14 @@ class _Evolution:
         if self.areas[self.first].sum() < self.goal_m2:
             in_range("admission_limit of a design that grows", parameters.admission_limit, 2 * COVERAGE_TOLERANCE, 1.0)
         self.smooth = mesh_filter(cloth.rest, spread_m)
-        self.settings = _settings(cloth, coverage, parameters, self.first)
+        self.rivals = rivals
+        self.settings = _settings(cloth, coverage, parameters, self.first, rivals)
 
     def step(self, before: DesignSequence | None) -> DesignSequence:
-        base = self._base(before) if before else None
-        design = self._next_design(base) if base else self.first
+        following = self._next(before) if before else _Next(self.first)
+        design = following.design
         try:
-            state = solved(self.cloth, design, base.positions_m if base else None)
+            state = solved(self.cloth, design, following.start_m)
             full = before.full if before else self._full_densities(state)
         except Unconverged as error:
             done = len(before.steps) if before else 0
@@ -202,7 +214,8 @@ class _Evolution:
         alpha = self.smooth(
             sensitivities(design, self.areas, state.element_energy_j, self.p.stiffness_ratio, self.p.penalty, self.p.d_min)
         )
-        latest = Reached(state.positions_m, 0.5 * (alpha + base.history_j_m2) if base else alpha)
+        history = following.history_j_m2
+        latest = Reached(state.positions_m, alpha if history is None else 0.5 * (alpha + history))
         final = latest if before is None or asked_for(steps, self.coverage) is made else before.at_final
         return DesignSequence(steps, self.coverage, full, final, latest, self._complete(steps))
 
@@ -217,35 +230,43 @@ class _Evolution:
             return max(self.goal_m2, first * (1 - self.p.evolution_rate) ** step)
         return min(self.goal_m2, first * (1 + self.p.evolution_rate) ** step)
 
-    def _base(self, before: DesignSequence) -> _Base:
-        """What the next design follows from: the last one, or once the procedure has settled the best one."""
-        admitted_m2 = self.p.admission_limit * self.designable_m2
-        tries = self._tries(before.steps)
+    def _next(self, before: DesignSequence) -> _Next:
+        steps = before.steps
+        tries, settled = self._tries(steps), self._settled_after(steps)
+        if settled is None:
+            return self._evolved(before.at_latest, steps[-1].design, self._target_m2(len(steps)))
         if tries is None:
-            reached, design, area_m2 = before.at_latest, before.steps[-1].design, self._target_m2(len(before.steps))
-        else:
-            reached, design, area_m2 = before.at_final, before.final.design, self.goal_m2
-            admitted_m2 *= 0.5 ** (tries + 1)
-        return _Base(design, reached.positions_m, reached.history_j_m2, area_m2, admitted_m2)
+            return _Next(self._contest(steps[:settled])[len(steps) - settled])
+        return self._evolved(before.at_final, before.final.design, self.goal_m2, 0.5 ** (tries + 1))
 
-    def _next_design(self, base: _Base) -> Bools:
-        return evolve(base.history_j_m2, base.design, self.designable, self.areas, base.area_m2, base.admitted_m2)
+    def _evolved(self, reached: Reached, design: Bools, area_m2: float, part: float = 1.0) -> _Next:
+        admitted_m2 = part * self.p.admission_limit * self.designable_m2
+        following = evolve(reached.history_j_m2, design, self.designable, self.areas, area_m2, admitted_m2)
+        return _Next(following, reached.positions_m, reached.history_j_m2)
+
+    def _settled_after(self, steps: tuple[DesignStep, ...]) -> int | None:
+        """How many steps the procedure of 5.5.4 took; None while it is not through."""
+        return next((n for n in range(1, len(steps) + 1) if self._settled(steps[:n])), None)
+
+    def _contest(self, steps: tuple[DesignStep, ...]) -> list[Bools]:
+        """The drawn designs that come near the best one found."""
+        return [rival.design for rival in self.rivals if rival.density > RIVAL * asked_for(steps, self.coverage).density]
 
     def _tries(self, steps: tuple[DesignStep, ...]) -> int | None:
-        """How many steps since the best design, once the procedure of 5.5.4 has settled; None before."""
-        settled = next((n for n in range(1, len(steps) + 1) if self._settled(steps[:n])), None)
-        if settled is None:
+        """How many steps since the best one, once procedure and contest are over; None before."""
+        settled = self._settled_after(steps)
+        over = settled + len(self._contest(steps[:settled])) if settled is not None else len(steps) + 1
+        if len(steps) < over:
             return None
         best = asked_for(steps, self.coverage)
-        last_better = max(settled - 1, next(n for n, step in enumerate(steps) if step is best))
-        return len(steps) - 1 - last_better
+        return len(steps) - 1 - max(over - 1, next(n for n, step in enumerate(steps) if step is best))
 
     def _complete(self, steps: tuple[DesignStep, ...]) -> bool:
-        """Settled, and no better design found however few triangles are exchanged."""
+        """No better design found, however few triangles are exchanged."""
         tries = self._tries(steps)
         if tries is None:
             return False
-        admitted_m2 = self.p.admission_limit * self.designable_m2 * 0.5 ** (tries + 1)
+        admitted_m2 = 0.5 ** (tries + 1) * self.p.admission_limit * self.designable_m2
         return admitted_m2 < FEWEST_EXCHANGED * float(self.areas[self.designable].mean())
 
     def _settled(self, steps: tuple[DesignStep, ...]) -> bool:
@@ -273,13 +294,20 @@ def _checked_start(start: Bools, designable: Bools) -> Bools:
     return start.copy()
 
 
-def _settings(cloth: Reinforceable, coverage: float, parameters: BesoParameters, first: Bools) -> dict[str, Any]:
+def _settings(
+    cloth: Reinforceable, coverage: float, parameters: BesoParameters, first: Bools, rivals: Sequence[DrawnDesign]
+) -> dict[str, Any]:
     mesh = hashlib.sha256()
     for part in (cloth.rest.vertices_m, cloth.triangles, cloth.designable):
         mesh.update(np.ascontiguousarray(part).tobytes())
     return {
         "coverage": coverage,
         "mesh": mesh.hexdigest(),
-        "start": "full" if np.array_equal(first, cloth.designable) else hashlib.sha256(np.packbits(first).tobytes()).hexdigest(),
+        "start": "full" if np.array_equal(first, cloth.designable) else _digest(first),
+        "rivals": [_digest(rival.design) for rival in rivals],
         **{f"beso.{name}": value for name, value in vars(parameters).items()},
     }
+
+
+def _digest(design: Bools) -> str:
+    return hashlib.sha256(np.packbits(design).tobytes()).hexdigest()

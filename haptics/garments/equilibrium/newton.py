@@ -20,6 +20,8 @@ SUFFICIENT = 1e-4
 DROWNED = 1e-13
 """Energy differences below this part of the energy are rounding; from there on the force decides."""
 HALVINGS = 40
+NEAR = 0.2
+"""A step that leaves less than this part of the force is followed by others with the same factor."""
 LEAST_DAMPING_N_M3, FIRST_DAMPING_N_M3, MOST_DAMPING_N_M3 = 30.0, 1e4, 1e16
 DAMPING_FACTOR = 8.0
 
@@ -75,7 +77,8 @@ def equilibrium(
     Newton's steps, shortened to ``LARGEST_STEP_M`` and until the energy falls as its slope foretells. Damping, a stiffness per
     area that holds each vertex where it is, grows while steps have to be shortened or the stiffness has no Cholesky factor, and
     dies out as soon as whole steps succeed: slack cloth, that nothing holds, does not fly off, and the end is Newton's own
-    quadratic one. Close to the end, where differences of the energy are rounding, a step must lessen the force instead.
+    quadratic one. Close to the end, where differences of the energy are rounding, a step must lessen the force instead, and a
+    factor serves several steps.
 
     :param state_at: the energy and its derivatives at positions.
     :param tolerance_n: on the 2-norm of the nodal forces.
@@ -94,9 +97,20 @@ def equilibrium(
         next_state, part = _advance(state_at, state, direction)
         if part == 0.0:
             return Solution(state.positions_m, False, residual, step + 1)
-        state, damping = next_state, _next_damping(damping, part)
+        state = _chords(state_at, solver, next_state, tolerance_n) if _size(next_state.force_n) < NEAR * residual else next_state
+        damping = _next_damping(damping, part)
     residual = _residual_n(state)
     return Solution(state.positions_m, residual <= tolerance_n, residual, most_steps)
+
+
+def _chords(state_at: Callable[[Floats], State], solver: SparseCholesky, state: State, tolerance_n: float) -> State:
+    """Steps with the factor that is there, while they lessen the force well: near the end the stiffness hardly changes."""
+    while (residual := _residual_n(state)) > tolerance_n:
+        trial = state_at(state.after(-solver.solve(state.force_n.ravel()).reshape(state.force_n.shape)))
+        if not _size(trial.force_n) < NEAR * residual:
+            break
+        state = trial
+    return state
 
 
 def _residual_n(state: State) -> float:
