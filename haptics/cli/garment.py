@@ -24,7 +24,10 @@ Json = Annotated[bool, typer.Option("--json", help="print one JSON object")]
 Force = Annotated[bool, typer.Option("--force", help="overwrite files that exist")]
 Body = Annotated[str, typer.Option(help="body: capsule, or anny (extra `body`)")]
 Phenotype = Annotated[list[str] | None, typer.Option("--phenotype", help="NAME=VALUE of the body's shape; repeat (see `bodies`)")]
-Level = Annotated[str, typer.Option(help="mesh: coarse (0.5k vertices), draft (1.8k), standard (7k), reference (28k)")]
+_LEVELS = "mesh: coarse (0.5k vertices), draft (1.8k), standard (7k), reference (28k)"
+Level = Annotated[str, typer.Option(help=_LEVELS)]
+OwnLevel = Annotated[str | None, typer.Option("--level", help=f"{_LEVELS} [default: draft; a mesh file's own]")]
+_GARMENTS = "sleeve, knee_sleeve, shirt, long_shirt, shorts, or a mesh drawn around the straight body: .obj .ply .stl, metres"
 Angle = Annotated[float | None, typer.Option(help="angle of the motion from straight, deg [default: the motion's]")]
 Solver = Annotated[str | None, typer.Option(help="sparse solver (see `bodies`) [default: the fastest installed]")]
 Lame = Annotated[str, typer.Option(help="Lamé constants: plane (plane stress) or thesis (of a solid)")]
@@ -34,17 +37,19 @@ OfCoverage = Annotated[float | None, typer.Option("--coverage", help="or the des
 
 @app.command("design")
 def design(
-    garment: Annotated[str, typer.Option(help="sleeve, knee_sleeve, shirt, long_shirt or shorts")],
+    garment: Annotated[str, typer.Option(help=_GARMENTS)],
     motion: Annotated[str, typer.Option(help="what it resists, such as elbow_flexion (see `bodies`)")],
     coverage: Annotated[float, typer.Option(help="reinforced over designable area, 0.01 to 1")],
     angle_deg: Angle = None,
-    level: Level = "draft",
+    level: OwnLevel = None,
     body: Body = "capsule",
     phenotype: Phenotype = None,
     solver: Solver = None,
     lame: Lame = "plane",
     out: Annotated[Path | None, typer.Option(help="folder to write to [default: GARMENT-MOTION-TIME]")] = None,
-    resume: Annotated[bool, typer.Option("--resume", help="go on with the designs in --out where they broke off")] = False,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="go on with the designs in --out where they broke off; begin where there are none")
+    ] = False,
     force: Force = False,
     json: Json = False,
 ) -> None:
@@ -57,8 +62,9 @@ def design(
         raise InputError(
             "resume needs the folder to go on with, and does not begin anew; allowed: --resume --out DIR, without --force"
         )
+    level = level or level_of(garment)
     job = DesignJob(garment, motion, coverage, angle_deg, level, body, phenotype_of(phenotype), solver, cast(Any, lame))
-    folder = out or Path(f"{garment}-{motion}-{time.strftime('%Y%m%d-%H%M%S')}")
+    folder = out or Path(f"{Path(garment).stem}-{motion}-{time.strftime('%Y%m%d-%H%M%S')}")
     with watched(coverage, silent=json) as (progress, say):
         report = run_design(job, folder, resume, force, progress, say)
     data = report.to_json()
@@ -82,7 +88,7 @@ def evaluate(
     garment: Annotated[str | None, typer.Option(help="with a mask: what it is drawn on")] = None,
     body: Annotated[str | None, typer.Option(help="with a mask: the body [default: capsule]")] = None,
     phenotype: Phenotype = None,
-    level: Annotated[str | None, typer.Option(help="with a mask: the mesh [default: draft]")] = None,
+    level: Annotated[str | None, typer.Option(help="with a mask: the mesh [default: draft; a mesh file's own]")] = None,
     picture: Annotated[Path | None, typer.Option(help="also draw energy and torque by angle, PNG (extra `report`)")] = None,
     rrd: Annotated[Path | None, typer.Option(help="also write the motion for rerun (extra `view`)")] = None,
     force: Force = False,
@@ -101,7 +107,7 @@ def evaluate(
     if design.suffix.lower() in MASKS:
         if garment is None or motion is None:
             raise InputError(f"{design} is a mask: it does not say what is worn; allowed: with --garment and --motion")
-        job = DesignJob(garment, motion, 1.0, angle_deg, level or "draft", body or "capsule", phenotype_of(phenotype))
+        job = DesignJob(garment, motion, 1.0, angle_deg, level or level_of(garment), body or "capsule", phenotype_of(phenotype))
     elif garment or body or level or phenotype:
         raise InputError(
             f"{design} is no mask and says itself what is worn; allowed: --garment, --body, --phenotype, --level with a mask only"
@@ -243,6 +249,13 @@ def patch(
         raise typer.Exit(1)
 
 
+def level_of(garment: str) -> str:
+    """The level where none is asked for."""
+    from haptics.garments.garment import OWN, mesh_of
+
+    return "draft" if mesh_of(garment) is None else OWN
+
+
 def phenotype_of(pairs: list[str] | None) -> dict[str, float]:
     from haptics.errors import InputError
 
@@ -356,7 +369,7 @@ def _evaluation_files(found: Evaluation, picture: Path | None, rrd: Path | None,
         from haptics.garments.views.pictures import draw_motion
 
         curves = {r.name: r.motion for r in (found.rated, found.against) if r is not None}
-        title = f"{found.settings['garment']}, {found.settings['motion']}, body {found.settings['body']}"
+        title = f"{found.worn.garment.name}, {found.settings['motion']}, body {found.settings['body']}"
         files.append(draw_motion(curves, title, picture, force))
     if rrd is not None:
         from haptics.garments.views.rrd import write_motion_rrd

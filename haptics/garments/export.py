@@ -74,7 +74,8 @@ def export_design(
     """
     number, chosen = kept.step(step, coverage)
     sim, settings = kept.worn.simulation, kept.settings
-    stem = f"{settings['garment']}-{number:03d}"
+    name = kept.worn.garment.name
+    stem = f"{name}-{number:03d}"
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -86,7 +87,7 @@ def export_design(
         "motion": f"{settings['motion']} by {settings['angle_deg']:g} degrees",
         "coverage": f"{100 * chosen.coverage:.1f} %, step {number}",
     }
-    pattern = make_pattern(sim.rest, chosen.design, settings["garment"], labels, options)
+    pattern = make_pattern(sim.rest, chosen.design, name, labels, options)
     state = solved(sim, chosen.design, kept.sequence.at_final.positions_m if chosen is kept.sequence.final else None)
     files = write_pattern(pattern, out, stem, force)
     files += write_obj(sim.rest, chosen.design, out / f"{stem}.obj", force)

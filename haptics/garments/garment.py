@@ -5,20 +5,24 @@ A garment's vertices are mixtures of the body's vertices, so that a posed body c
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
 from haptics.errors import InputError
 from haptics.garments.bodies.body import Body
 from haptics.garments.cut.coarsening import anchored, coarsened
-from haptics.garments.cut.cutting import cut_out, openings
+from haptics.garments.cut.cutting import cut_out, largest_piece, openings
 from haptics.garments.cut.subdivision import Sparse, loop
 from haptics.garments.mesh import Bools, Floats, Ints, SurfaceMesh, checked_mesh
+from haptics.garments.mesh_files import FORMATS, read_mesh
 from haptics.units import one_of
 
 LEVELS = {"coarse": 500, "draft": 1800, "standard": 7000, "reference": 28000}
 """About how many vertices a garment has at each level."""
+OWN = "own"
+"""The level of a garment that comes as a mesh: it stays as fine as it was drawn."""
 
 OPENINGS = {"sleeve": 2, "knee_sleeve": 2, "shirt": 4, "long_shirt": 4, "shorts": 3}
 """How many openings each garment has."""
@@ -56,6 +60,36 @@ class Garment:
         return np.asarray(self.weights @ body_vertices_m)
 
 
+def mesh_of(garment: str) -> Path | None:
+    """The file, where ``garment`` is one of a mesh rather than one of ``GARMENTS``.
+
+    :raises InputError: it is neither a name nor a file that exists.
+    """
+    if garment in GARMENTS:
+        return None
+    path = Path(garment)
+    if path.suffix.lower() not in FORMATS:
+        raise InputError(
+            f"garment = {garment!r} is not allowed; allowed: {', '.join(GARMENTS)}, or a mesh file as {', '.join(FORMATS)}"
+        )
+    if not path.is_file():
+        raise InputError(f"garment = {garment!r} is not a file; allowed: a mesh that exists, or {', '.join(GARMENTS)}")
+    return path
+
+
+def open_garment(body: Body, name: str, level: str) -> Garment:
+    """A garment by name, as ``cut_garment``, or from a mesh file around the straight body, as ``garment_from_mesh``.
+
+    :param level: one of ``LEVELS``; ``OWN`` for a mesh.
+    :raises InputError: a name, a file or a level that is not allowed.
+    """
+    path = mesh_of(name)
+    if path is None:
+        return cut_garment(body, name, level)
+    one_of("level of a garment from a mesh", level, (OWN,))
+    return replace(garment_from_mesh(body, read_mesh(path)), name=path.stem)
+
+
 def cut_garment(body: Body, name: str, level: str = "draft") -> Garment:
     """A garment cut out of the straight body's skin.
 
@@ -85,8 +119,8 @@ def garment_from_mesh(body: Body, mesh: SurfaceMesh, attached: Bools | None = No
     """A garment drawn elsewhere around the straight body, tied to the nearest points of its skin.
 
     :param attached: the triangles held to the body, ``(triangles,)``; None: a band at each opening.
-    :raises InputError: a faulty mesh, a vertex farther than ``farthest_m`` from the skin (the message says where), no opening
-        and no attachment given, or an attachment of another size.
+    :raises InputError: a faulty mesh, more than one piece, a vertex farther than ``farthest_m`` from the skin (the message says
+        where), triangles that face the body, no opening and no attachment given, or an attachment of another size.
     """
     checked = checked_mesh(mesh.vertices_m, mesh.triangles, mesh.name)
     weights, distance = anchored(checked.vertices_m, body.straight_m, body.triangles)
@@ -105,7 +139,31 @@ def garment_from_mesh(body: Body, mesh: SurfaceMesh, attached: Bools | None = No
     if held.shape != (len(checked.triangles),):
         raise InputError(f"{mesh.name}: attached has shape {held.shape}; allowed: ({len(checked.triangles)},)")
     on_skin = checked_mesh(weights @ body.straight_m, checked.triangles, f"{mesh.name} laid onto body {body.name}")
-    return Garment(mesh.name, "own", on_skin.triangles, weights, held, np.ones(len(held), dtype=bool))
+    _refuse_pieces(checked)
+    _refuse_inside_out(checked, on_skin, weights @ SurfaceMesh(body.straight_m, body.triangles).vertex_normals)
+    return Garment(mesh.name, OWN, on_skin.triangles, weights, held, np.ones(len(held), dtype=bool))
+
+
+def _refuse_pieces(mesh: SurfaceMesh) -> None:
+    piece = largest_piece(mesh.triangles)
+    if len(piece) < len(mesh.triangles):
+        other = int(np.setdiff1d(mesh.triangles, piece)[0])
+        place = "({:.3f}, {:.3f}, {:.3f}) m".format(*mesh.vertices_m[other])
+        raise InputError(
+            f"{mesh.name}: vertex {other} at {place} is not joined to the rest; allowed: one piece, with the cloth between too"
+        )
+
+
+def _refuse_inside_out(mesh: SurfaceMesh, on_skin: SurfaceMesh, outward: Floats) -> None:
+    """Neighbours are turned alike already, so that all triangles face outward or none does."""
+    faces = np.einsum("ij,ij->i", on_skin.cross_m2, outward[mesh.triangles].mean(axis=1))
+    if faces.sum() < 0:
+        first = int(faces.argmin())
+        place = "({:.3f}, {:.3f}, {:.3f}) m".format(*mesh.centres_m[first])
+        raise InputError(
+            f"{mesh.name}: it is inside out, triangle {first} at {place} faces the body; "
+            "allowed: all triangles anticlockwise seen from outside"
+        )
 
 
 def _covered(body: Body, name: str) -> Floats:

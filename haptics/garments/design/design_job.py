@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -15,7 +16,7 @@ from haptics.garments.design.designs import COVERAGE_TOLERANCE, DesignSequence, 
 from haptics.garments.design.topology import SMALLEST_COVERAGE
 from haptics.garments.equilibrium.cholesky import installed_solvers
 from haptics.garments.equilibrium.wearing import WornMotion, wear
-from haptics.garments.garment import GARMENTS, LEVELS, Garment, cut_garment
+from haptics.garments.garment import LEVELS, OWN, Garment, mesh_of, open_garment
 from haptics.garments.materials import CLOTH, INTERFACE, REINFORCED, Interface, Lame, Material, ReinforcedMaterial
 from haptics.garments.mesh import SurfaceMesh
 from haptics.units import in_range, one_of
@@ -30,6 +31,8 @@ LEAST_STRETCH = 1e-3
 class DesignJob:
     """A garment, a motion, and how finely they are computed.
 
+    :param garment: one of ``GARMENTS``, or the file of a mesh around the straight body.
+    :param level: one of ``LEVELS``; ``OWN`` for a mesh.
     :param angle_deg: how far, from straight; None takes the motion's default.
     :param coverage: reinforced over designable area, 0.01 to 1.
     :param solver: see ``cholesky.installed_solvers``; None takes the fastest.
@@ -47,9 +50,9 @@ class DesignJob:
     lame: Lame = "plane"
 
     def __post_init__(self) -> None:
-        one_of("garment", self.garment, GARMENTS)
+        levels = tuple(LEVELS) if mesh_of(self.garment) is None else (OWN,)
         one_of("motion", self.motion, tuple(MOTIONS))
-        one_of("level", self.level, tuple(LEVELS))
+        one_of("level", self.level, levels)
         one_of("lame", self.lame, ("plane", "thesis"))
         in_range("coverage", self.coverage, SMALLEST_COVERAGE, 1.0)
         MOTIONS[self.motion].checked_deg(self.angle_deg)
@@ -63,7 +66,7 @@ def put_on(job: DesignJob) -> WornMotion:
     :raises InputError: a body or a solver that is not installed, or a motion that does not stretch the garment.
     """
     body = open_body(job.body, job.phenotype)
-    garment, motion = cut_garment(body, job.garment, job.level), MOTIONS[job.motion]
+    garment, motion = open_garment(body, job.garment, job.level), MOTIONS[job.motion]
     refuse_unloaded(body, garment, motion, motion.checked_deg(job.angle_deg))
     return wear(body, garment, motion, job.angle_deg, lame=job.lame, solver=job.solver)
 
@@ -71,7 +74,7 @@ def put_on(job: DesignJob) -> WornMotion:
 def settings_of(job: DesignJob, worn: WornMotion) -> dict[str, Any]:
     """All that the job's designs depend on, as plain data."""
     return {
-        "garment": job.garment,
+        **_garment_of(job.garment),
         "motion": job.motion,
         "angle_deg": worn.angle_deg,
         "level": job.level,
@@ -125,12 +128,16 @@ def open_designs(path: Path, motion: str | None = None, angle_deg: float | None 
     :param path: the file, or the folder of ``haptics garment design``.
     :param motion: another motion to wear it in. :param angle_deg: how far; None takes the design's angle, or the other
         motion's default.
-    :raises InputError: no such file, or a garment that this version, on this machine, makes in another way.
+    :raises InputError: no such file, a garment's mesh that has changed, or a garment that this version, on this machine, makes in
+        another way.
     """
     file = path / STORE if path.is_dir() else path
     settings, sequence = read_designs(file)
+    for key, value in _garment_of(settings["garment"]).items():
+        if settings.get(key) != value:
+            raise InputError(f"{file}: its designs are for another {settings['garment']}; allowed: that mesh, unchanged")
     body = open_body(settings["body"], settings["phenotype"])
-    garment = cut_garment(body, settings["garment"], settings["level"])
+    garment = open_garment(body, settings["garment"], settings["level"])
     materials: dict[str, Any] = {
         "cloth": Material(**settings["cloth"]),
         "reinforced": ReinforcedMaterial(**settings["reinforced"]),
@@ -148,6 +155,14 @@ def open_designs(path: Path, motion: str | None = None, angle_deg: float | None 
         angle_deg = settings["angle_deg"]
     refuse_unloaded(body, garment, chosen, chosen.checked_deg(angle_deg))
     return KeptDesigns(file, settings, sequence, wear(body, garment, chosen, angle_deg, **materials))
+
+
+def _garment_of(garment: str) -> dict[str, str]:
+    """What tells a garment: its name, or where its mesh is and what that holds."""
+    path = mesh_of(garment)
+    if path is None:
+        return {"garment": garment}
+    return {"garment": str(path.resolve()), "garment_sha256": hashlib.sha256(path.read_bytes()).hexdigest()}
 
 
 def refuse_unloaded(body: Body, garment: Garment, motion: Motion, angle_deg: float) -> None:

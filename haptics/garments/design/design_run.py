@@ -112,7 +112,7 @@ def run_design(
     say = say or (lambda what: None)
     paths = {name: out / name for name in FILES}
     for path in paths.values():
-        if out.exists():
+        if out.is_dir():
             refuse_existing(path, force or resume)
     say(f"putting {job.garment} on body {job.body}")
     worn = put_on(job)
@@ -182,7 +182,7 @@ def _baselines(job: DesignJob, worn: WornMotion) -> dict[str, DrawnDesign | None
 
 def _draw(report: DesignReport, paths: dict[str, Path]) -> None:
     job, worn, sequence = report.job, report.worn, report.sequence
-    title = f"{job.garment} against {job.motion} by {worn.angle_deg:g}°, body {job.body}"
+    title = f"{worn.garment.name} against {job.motion} by {worn.angle_deg:g}°, body {job.body}"
     draw_sequence(worn, sequence, paths["sequence.png"], force=True)
     densities = {shape: best.density if best else None for shape, best in report.drawn.items()}
     draw_density(sequence, densities, title, paths["density.png"], force=True)
