@@ -16,7 +16,7 @@ from haptics.garments.bodies import open_body
 from haptics.garments.bodies.motions import MOTIONS
 from haptics.garments.design.topology import optimise
 from haptics.garments.equilibrium.cholesky import installed_solvers
-from haptics.garments.equilibrium.wearing import WornMotion, wear
+from haptics.garments.equilibrium.wearing import WornMotion, evaluate_motion, wear
 from haptics.garments.garment import LEVELS, cut_garment
 
 pytestmark = pytest.mark.bench
@@ -182,12 +182,13 @@ def l_bfgs_torch(simulation, allowed_s: float) -> tuple[float, float, float]:
 
 def test_cost_grows_with_the_mesh_near_linearly_but_for_the_factor(row):
     """From 467 to 28,712 vertices: what is done element by element, and the factorisation, each by itself."""
-    vertices, element, factor, whole = [], [], [], []
+    vertices, element, factor, whole, energy = [], [], [], [], []
     for level in LEVELS:
         simulation = worn(level).simulation
         found = []
         whole.append(seconds(lambda s=simulation, f=found: f.append(s.solve(s.designable))))
         x = found[0].positions_m
+        energy.append(found[0].energy_j)
         solver = simulation._solver
         values = simulation.state(x).stiffness(0.0)
 
@@ -201,10 +202,19 @@ def test_cost_grows_with_the_mesh_near_linearly_but_for_the_factor(row):
         row(f"{vertices[-1]} vertices: energy, force and stiffness ms", f"{1e3 * element[-1]:.1f}", "")
         row(f"{vertices[-1]} vertices: factor ms ({simulation.solver_name})", f"{1e3 * factor[-1]:.1f}", "")
         row(f"{vertices[-1]} vertices: cold equilibrium s", f"{whole[-1]:.2f}", "")
+    for count, stored in zip(vertices, energy, strict=True):
+        row(f"{count} vertices: energy against the finest mesh, %", f"{100 * (stored / energy[-1] - 1):+.2f}", "")
     growth = np.polyfit(np.log(vertices[1:]), np.log(element[1:]), 1)[0]
     row("power of the vertices by which the part by element grows, 1.8k to 28k", f"{growth:.2f}", "0.8 to 1.2")
     draw(vertices, element, factor, whole)
     assert 0.8 < growth < 1.2
+
+
+def test_following_a_motion_at_the_coarsest_level(row):
+    motion = worn("coarse")
+    angles = motion.motion.path(motion.angle_deg, 30)
+    taken = seconds(lambda: evaluate_motion(motion, motion.simulation.designable, angles))
+    row("following an elbow at 467 vertices: ms a step of 2 degrees, torque and all", f"{1e3 * taken / len(angles):.0f}", "")
 
 
 def draw(vertices, element, factor, whole) -> None:

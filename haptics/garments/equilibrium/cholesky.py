@@ -12,6 +12,7 @@ Fastest first, as measured by `make bench`.
 
 from __future__ import annotations
 
+import os
 import weakref
 from collections.abc import Callable
 from importlib.util import find_spec
@@ -85,6 +86,8 @@ class _Pardiso:
 
         self._upper = _Upper(indptr, indices)
         self._solver: Any = PyPardisoSolver(mtype=2)  # real, symmetric, positive definite
+        # Else each new solver looks for MKL through all installed packages.
+        os.environ.setdefault("PYPARDISO_MKL_RT", self._solver.libmkl._name)
         # On several threads the last bits of the result change from run to run, and at this size little is gained.
         self._solver.libmkl.MKL_Set_Num_Threads(1)
         n = len(indptr) - 1
