@@ -1,7 +1,7 @@
 """How much a garment depends on the numbers that nobody measured: ``python tools/garment_sensitivity.py``.
 
-Changes one number at a time and tells the strain energy of the fully reinforced garment at the end of the motion, and how much more
-than it a design stores for its area (thesis 5.6). A design at level `coarse` takes seconds, so that the whole table takes a minute.
+Changes one number at a time and tells the strain energy of the fully reinforced garment at the end of the motion, and how much
+more than it a design stores for its area (thesis 5.6). At level `coarse` the whole table takes about a minute.
 """
 
 from __future__ import annotations
@@ -13,7 +13,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 
 from haptics.errors import HapticsError
-from haptics.garments.bodies import MOTIONS, open_body
+from haptics.garments.bodies import MOTIONS
+from haptics.garments.bodies.anny_body import AnnyBody
+from haptics.garments.bodies.capsule import CapsuleBody
 from haptics.garments.bodies.posing import FLESH, Flesh
 from haptics.garments.design.rating import Unconverged, solved
 from haptics.garments.design.topology import SMALLEST_COVERAGE, optimise
@@ -22,6 +24,7 @@ from haptics.garments.garment import GARMENTS, LEVELS, cut_garment
 from haptics.garments.materials import INTERFACE, Interface, Lame
 from haptics.units import in_range, one_of
 
+BODIES = {"capsule": CapsuleBody, "anny": AnnyBody}
 NO_BULGE = Flesh(arm_bulge_m=0.0, thigh_bulge_m=0.0)
 INTERFACES: Mapping[str, Sequence[float]] = {
     "attachment_n_m3": (1e4, 1e5, 1e6, 1e7),
@@ -88,7 +91,7 @@ def row(changed: str, value: float | str, setting: Setting) -> Row:
 
     :raises InputError: a body that is not installed, a garment that cannot be cut.
     """
-    body = type(open_body(setting.body))(None, setting.flesh)  # pyright: ignore[reportCallIssue]
+    body = BODIES[setting.body](flesh=setting.flesh)
     worn = wear(
         body,
         cut_garment(body, setting.garment, setting.level),
@@ -126,7 +129,7 @@ def main() -> None:
             one_of("garment", arguments.garment, GARMENTS),
             motion.name,
             motion.checked_deg(arguments.angle_deg),
-            arguments.body,
+            one_of("body", arguments.body, tuple(BODIES)),
             one_of("level", arguments.level, tuple(LEVELS)),
             None if arguments.no_design else in_range("coverage", arguments.coverage, SMALLEST_COVERAGE, 1.0),
         )

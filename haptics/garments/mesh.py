@@ -74,9 +74,11 @@ class SurfaceMesh:
         """Centre of each triangle, ``(triangles, 3)``."""
         return self.vertices_m[self.triangles].mean(axis=1)
 
-    def at(self, vertices_m: Floats) -> SurfaceMesh:
-        """The same triangles with other vertex positions."""
-        return SurfaceMesh(vertices_m, self.triangles, self.name)
+    def at(self, vertices_m: Floats, name: str | None = None) -> SurfaceMesh:
+        """The same triangles with other vertex positions; the edges, which do not change, are not looked for again."""
+        moved = SurfaceMesh(vertices_m, self.triangles, name or self.name)
+        vars(moved)["edges"] = self.edges
+        return moved
 
 
 def checked_mesh(vertices_m: Floats, triangles: Ints, name: str, closed: bool = False) -> SurfaceMesh:

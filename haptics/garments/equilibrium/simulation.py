@@ -114,16 +114,14 @@ class GarmentOnBody:
         tolerance_n: float = TOLERANCE_N,
     ):
         require_float64("rest_body_m", rest_body_m)
-        rest_body = SurfaceMesh(rest_body_m, body_triangles, "body at rest")
+        rest_body = self._rest_body = SurfaceMesh(rest_body_m, body_triangles, "body at rest")
         self.garment, self.interface, self.tolerance_n = garment, interface, tolerance_n
         self._lame = np.array([cloth.lame_n_m(lame), reinforced.lame_n_m(lame)])
-        self._rest_body_shape = rest_body_m.shape
         self._lists = neighbour_lists(rest_body)
         copied = garment.on(rest_body_m)
         rest_m, self._rest_homes = ImplicitBody(rest_body, self._lists).project(copied, nearest_vertices(copied, rest_body_m))
         self.rest = SurfaceMesh(rest_m, garment.triangles, garment.name)
         self.membrane = Membrane.at_rest(self.rest)
-        self._body_triangles = body_triangles
         areas = self.rest.vertex_areas_m2
         self._contact = Contact(interface.contact_n_m3 * areas, interface.rounding_m)
         self._placing_n_m = interface.regulariser_n_m3 * areas
@@ -148,9 +146,10 @@ class GarmentOnBody:
         :raises InputError: vertices of another body, not finite or not float64.
         """
         require_float64("posed_body_m", posed_body_m)
-        if posed_body_m.shape != self._rest_body_shape or not np.isfinite(posed_body_m).all():
-            raise InputError(f"posed_body_m has shape {posed_body_m.shape}; allowed: {self._rest_body_shape}, finite")
-        surface = ImplicitBody(SurfaceMesh(posed_body_m, self._body_triangles, "posed body"), self._lists)
+        shape = self._rest_body.vertices_m.shape
+        if posed_body_m.shape != shape or not np.isfinite(posed_body_m).all():
+            raise InputError(f"posed_body_m has shape {posed_body_m.shape}; allowed: {shape}, finite")
+        surface = ImplicitBody(self._rest_body.at(posed_body_m, "posed body"), self._lists)
         copy, homes = surface.project(self.garment.on(posed_body_m), self._rest_homes)
         return Skin(surface, copy, homes, copy[self.triangles[self._attached]].mean(axis=1))
 
