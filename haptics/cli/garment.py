@@ -48,7 +48,7 @@ def design(
     lame: Lame = "plane",
     out: Annotated[Path | None, typer.Option(help="folder to write to [default: GARMENT-MOTION-TIME]")] = None,
     resume: Annotated[
-        bool, typer.Option("--resume", help="go on with the designs in --out where they broke off; begin where there are none")
+        bool, typer.Option("--resume", help="go on with the designs in --out, or begin where there are none")
     ] = False,
     force: Force = False,
     json: Json = False,

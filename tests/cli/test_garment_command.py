@@ -13,11 +13,15 @@ import pytest
 pytest.importorskip("matplotlib", reason="extra `report`")
 
 from haptics.garments import catalogue
+from haptics.garments.bodies import open_body
 from haptics.garments.design.design_job import open_designs
 from haptics.garments.design.designs import read_designs
 from haptics.garments.design.rating import Densities, solved
 from haptics.garments.equilibrium import simulation
 from haptics.garments.equilibrium.cholesky import installed_solvers
+from haptics.garments.garment import cut_garment
+from haptics.garments.mesh import SurfaceMesh
+from haptics.garments.mesh_files import write_obj
 
 SLEEVE = ("--garment", "sleeve", "--motion", "elbow_flexion", "--angle-deg", "90", "--level", "coarse")
 FILES = {"designs.h5", "sequence.png", "density.png", "garment.png", "design.json"}
@@ -223,6 +227,48 @@ class TestDesign:
 
     def test_refuses_to_resume_nowhere(self, refused):
         assert "--out DIR" in refused("garment", "design", *SLEEVE, "--coverage", "0.85", "--resume")
+
+
+class TestOwnGarment:
+    """A garment that a designer drew: a mesh around the straight body."""
+
+    @pytest.fixture
+    def drawn(self, tmp_path) -> Path:
+        body = open_body("capsule")
+        cut = cut_garment(body, "sleeve", "coarse")
+        mesh = SurfaceMesh(cut.on(body.straight_m), cut.triangles)
+        mesh = mesh.at(mesh.vertices_m + 0.003 * mesh.vertex_normals)
+        write_obj(mesh, np.zeros(len(mesh.triangles), bool), tmp_path / "mine.obj")
+        return tmp_path / "mine.obj"
+
+    def test_is_designed_and_exported_and_must_stay_as_it_was(self, drawn, answer, refused, tmp_path):
+        words = ("--garment", drawn, "--motion", "elbow_flexion", "--angle-deg", "90", "--coverage", "0.97")
+        data = answer("garment", "design", *words, "--out", tmp_path / "d")
+        assert (data["garment"], data["level"], data["vertices"]) == (str(drawn), "own", 467)
+        assert data["steps"] == data["converged_steps"]
+        cut = answer("garment", "export", tmp_path / "d", "--out", tmp_path / "cut")
+        assert Path(cut["files"][0]).name == f"mine-{data['final_step']:03d}.svg"
+        drawn.write_text(drawn.read_text() + "# changed\n")
+        assert "mine.obj" in refused("garment", "export", tmp_path / "d", "--out", tmp_path / "again")
+        assert "garment_sha256 was" in refused("garment", "design", *words, "--out", tmp_path / "d", "--resume")
+        drawn.unlink()
+        assert "mine.obj' is not a file" in refused("garment", "evaluate", tmp_path / "d")
+
+    def test_a_bad_mesh_is_refused_with_the_place(self, drawn, refused, tmp_path):
+        lines = drawn.read_text().splitlines()
+        last = max(i for i, line in enumerate(lines) if line.startswith("f "))
+        a, b, c = lines[last].split()[1:]
+        lines[last] = f"f {a} {c} {b}"
+        drawn.write_text("\n".join(lines))
+        words = ("garment", "design", "--garment", drawn, "--motion", "elbow_flexion", "--coverage", "0.97")
+        error = refused(*words, "--out", tmp_path / "d")
+        assert "mine.obj: the two triangles at edge " in error
+        assert " m, are turned against each other" in error
+        assert not (tmp_path / "d").exists()
+
+    def test_has_no_level(self, drawn, refused):
+        words = ("--garment", drawn, "--motion", "elbow_flexion", "--coverage", "0.97", "--level", "draft")
+        assert "level of a garment from a mesh = 'draft' is not allowed; allowed: own" in refused("garment", "design", *words)
 
 
 class TestEvaluate:

@@ -103,3 +103,11 @@ def test_the_firmwares_sources_came_along(installed, tmp_path):
     )
     assert (said["board"], said["build"]) == ("tactiles", "host-c")
     assert list(tmp_path.rglob("libcore.so"))
+
+
+def test_a_garment_is_designed_with_the_core_alone(installed, tmp_path):
+    asked = ("--garment", "sleeve", "--motion", "elbow_flexion", "--coverage", "0.9", "--level", "coarse")
+    said = json.loads(run(installed / "haptics", "garment", "design", *asked, "--out", "sleeve", "--json", cwd=tmp_path))
+    assert said["faults"] == []
+    assert said["steps"] == said["converged_steps"] > 7
+    assert said["density_increase"] > 1

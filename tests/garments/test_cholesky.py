@@ -65,6 +65,19 @@ def test_an_unknown_solver_is_refused_with_those_that_are_there(pattern):
         open_solver("mumps", pattern.indptr, pattern.indices)
 
 
+def test_a_solver_whose_library_is_missing_is_passed_over_and_by_name_refused(pattern, monkeypatch):
+    import haptics.garments.equilibrium.cholesky as cholesky
+
+    def broken(indptr, indices):
+        raise ImportError("libnothing.so: cannot open shared object file")
+
+    others = installed_solvers()
+    monkeypatch.setattr(cholesky, "_SOLVERS", {"broken": ("scipy", broken), **cholesky._SOLVERS})
+    assert open_solver(None, pattern.indptr, pattern.indices).name == others[0]
+    with pytest.raises(InputError, match="solver = 'broken' cannot be loaded: libnothing"):
+        open_solver("broken", pattern.indptr, pattern.indices)
+
+
 def test_the_pattern_adds_up_overlapping_triangles(pattern):
     rng = np.random.default_rng(4)
     vertices, triangles, _ = tube(12, 0.15)

@@ -177,6 +177,20 @@ def test_a_garment_far_from_the_body_is_refused_with_the_place():
         garment_from_mesh(BODY, swollen(0.04))
 
 
+def test_a_garment_that_is_inside_out_is_refused_with_a_place():
+    mesh = swollen(0.01)
+    with pytest.raises(InputError, match=r"mine.obj: it is inside out, triangle \d+ at \(.*\) m faces the body"):
+        garment_from_mesh(BODY, SurfaceMesh(mesh.vertices_m, mesh.triangles[:, ::-1], "mine.obj"))
+
+
+def test_a_garment_in_two_pieces_is_refused_with_a_place():
+    mesh = swollen(0.01)
+    triangles = mesh.triangles[np.abs(mesh.centres_m[:, 2] - BODY.joints_m["knee_l"][2] - 0.05) > 0.03]
+    used, numbers = np.unique(triangles, return_inverse=True)
+    with pytest.raises(InputError, match=r"mine.obj: vertex \d+ at \(.*\) m is not joined to the rest"):
+        garment_from_mesh(BODY, SurfaceMesh(mesh.vertices_m[used], numbers.reshape(-1, 3), "mine.obj"))
+
+
 def test_a_closed_garment_needs_an_attachment():
     closed = SurfaceMesh(BODY.straight_m, BODY.triangles, "suit.obj")
     with pytest.raises(InputError, match=r"suit.obj: it has no opening"):

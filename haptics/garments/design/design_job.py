@@ -50,9 +50,11 @@ class DesignJob:
     lame: Lame = "plane"
 
     def __post_init__(self) -> None:
-        levels = tuple(LEVELS) if mesh_of(self.garment) is None else (OWN,)
+        if mesh_of(self.garment) is None:
+            one_of("level", self.level, tuple(LEVELS))
+        else:
+            one_of("level of a garment from a mesh", self.level, (OWN,))
         one_of("motion", self.motion, tuple(MOTIONS))
-        one_of("level", self.level, levels)
         one_of("lame", self.lame, ("plane", "thesis"))
         in_range("coverage", self.coverage, SMALLEST_COVERAGE, 1.0)
         MOTIONS[self.motion].checked_deg(self.angle_deg)

@@ -15,13 +15,14 @@ from __future__ import annotations
 import os
 import weakref
 from collections.abc import Callable
+from contextlib import suppress
 from importlib.util import find_spec
 from typing import Any, Protocol, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from haptics.errors import HapticsError
+from haptics.errors import HapticsError, InputError
 from haptics.garments.equilibrium.ordering import nested_dissection
 from haptics.garments.mesh import Floats
 from haptics.units import one_of
@@ -58,12 +59,19 @@ def installed_solvers() -> list[str]:
 def open_solver(name: str | None, indptr: Indices, indices: Indices) -> SparseCholesky:
     """A solver for symmetric matrices of this pattern (compressed rows, both triangles, sorted).
 
-    :param name: one of ``installed_solvers()``; None takes the first.
-    :raises InputError: a solver that is not installed.
+    :param name: one of ``installed_solvers()``; None takes the first that can be loaded.
+    :raises InputError: a solver that is not installed, or cannot be loaded.
     """
     names = installed_solvers()
-    chosen = names[0] if name is None else one_of("solver", name, names)
-    return _SOLVERS[chosen][1](indptr, indices)
+    if name is not None:
+        try:
+            return _SOLVERS[one_of("solver", name, names)][1](indptr, indices)
+        except ImportError as error:
+            raise InputError(f"solver = {name!r} cannot be loaded: {error}; allowed: {', '.join(names)}") from error
+    for candidate in names:
+        with suppress(ImportError):  # the wrapper is there, but not the library that it wraps
+            return _SOLVERS[candidate][1](indptr, indices)
+    raise HapticsError("no sparse solver can be loaded, not even scipy's")
 
 
 class _Upper:
