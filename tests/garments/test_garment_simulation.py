@@ -231,6 +231,19 @@ def test_wrong_arrays_are_refused():
         swollen(0.1, 24, lame="french")
 
 
+def test_a_faulty_body_is_refused_with_the_place():
+    vertices, triangles, garment = tube_garment(24)
+    flipped, bad = triangles.copy(), vertices.copy()
+    flipped[5] = flipped[5][::-1]
+    bad[9, 0] = np.nan
+    with pytest.raises(InputError, match=r"body at rest: .*turned against each other"):
+        GarmentOnBody(garment, flipped, vertices, vertices)
+    with pytest.raises(InputError, match="body at rest: vertex 9 is"):
+        GarmentOnBody(garment, triangles, bad, vertices)
+    with pytest.raises(InputError, match="millimetres"):
+        GarmentOnBody(garment, triangles, 1000 * vertices, vertices)
+
+
 def test_a_garment_that_does_not_lie_on_the_body_is_refused():
     vertices, triangles, garment = tube_garment(24)
     garment.weights.data[7] = 3.0

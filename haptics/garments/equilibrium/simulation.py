@@ -21,7 +21,7 @@ from haptics.garments.equilibrium.stiffness import StiffnessPattern
 from haptics.garments.equilibrium.surface import ImplicitBody, nearest_vertices, neighbour_lists
 from haptics.garments.garment import Garment
 from haptics.garments.materials import CLOTH, INTERFACE, REINFORCED, Interface, Lame, Material
-from haptics.garments.mesh import Bools, Floats, Ints, SurfaceMesh
+from haptics.garments.mesh import Bools, Floats, Ints, SurfaceMesh, checked_mesh
 
 TOLERANCE_N = 1e-7
 """Force left over in the whole garment, 2-norm (thesis 5.4.4)."""
@@ -97,7 +97,8 @@ class GarmentOnBody:
     :param body_triangles: the body's mesh.
     :param rest_body_m, posed_body_m: its vertices in the two poses, ``(vertices, 3)``.
     :param solver: see ``cholesky.installed_solvers``; None takes the fastest.
-    :raises InputError: arrays that do not fit together, or a garment that does not lie on the body.
+    :raises InputError: a faulty body mesh (see ``checked_mesh``), arrays that do not fit together, or a garment that does not lie
+        on the body.
     """
 
     def __init__(
@@ -114,7 +115,7 @@ class GarmentOnBody:
         tolerance_n: float = TOLERANCE_N,
     ):
         require_float64("rest_body_m", rest_body_m)
-        rest_body = self._rest_body = SurfaceMesh(rest_body_m, body_triangles, "body at rest")
+        rest_body = self._rest_body = checked_mesh(rest_body_m, body_triangles, "body at rest")
         self.garment, self.interface, self.tolerance_n = garment, interface, tolerance_n
         self._lame = np.array([cloth.lame_n_m(lame), reinforced.lame_n_m(lame)])
         self._lists = neighbour_lists(rest_body)
