@@ -97,11 +97,14 @@ def evaluate(
     """Energy and joint torque of a design at every angle of a motion, and its energy density beside another design's."""
     from haptics.errors import InputError
     from haptics.garments.design.design_job import DesignJob
-    from haptics.garments.evaluation import MASKS, evaluate_design
+    from haptics.garments.design.masks import MASKS
+    from haptics.garments.evaluation import evaluate_design
     from haptics.recording.output import refuse_existing
+    from haptics.units import one_of
 
-    for path in (picture, rrd):
+    for option, path, ending in (("picture", picture, ".png"), ("rrd", rrd, ".rrd")):
         if path is not None:
+            one_of(f"ending of {option} {path.name}", path.suffix.lower(), (ending,))
             refuse_existing(path, force)
     job = None
     if design.suffix.lower() in MASKS:

@@ -10,7 +10,7 @@ from typing import Any
 from haptics.errors import InputError, LimitError
 from haptics.garments.design.design_job import DesignJob, open_designs, put_on
 from haptics.garments.design.drawn import SHAPES, best_drawn
-from haptics.garments.design.masks import read_mask, with_coverage
+from haptics.garments.design.masks import MASKS, read_mask, with_coverage
 from haptics.garments.design.rating import Densities, Unconverged, coverage_of, solved
 from haptics.garments.equilibrium.wearing import MotionEvaluation, WornMotion, evaluate_motion
 from haptics.garments.mesh import Bools
@@ -18,7 +18,6 @@ from haptics.units import in_range
 
 ANGLES = 18
 """Parts that a motion is divided into, unless asked for otherwise."""
-MASKS = (".png", ".obj", ".ply", ".stl", ".txt", ".npz")
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,9 +104,12 @@ def evaluate_design(
         _is_mask(path, "a mask")
         if job is None:
             raise InputError(f"{path} is a mask: it does not say what is worn; allowed: with a garment and a motion")
+        if step is not None:
+            raise InputError(f"step = {step}: {path} is a mask, one design; allowed: a step of a sequence only")
         worn = put_on(job)
         design, name = _mask(worn, path, coverage), path.name
-        settings = {"garment": job.garment, "motion": job.motion, "body": job.body, "level": job.level}
+        settings = {"garment": job.garment, "motion": job.motion, "body": job.body, "phenotype": dict(job.phenotype)}
+        settings["level"] = job.level
     else:
         if job is not None:
             raise InputError(
@@ -116,7 +118,7 @@ def evaluate_design(
         kept = open_designs(path, motion, angle_deg)
         number, chosen = kept.step(step, coverage)
         worn, design, name = kept.worn, chosen.design, f"step {number}"
-        settings = {key: kept.settings[key] for key in ("garment", "body", "level")} | {
+        settings = {key: kept.settings[key] for key in ("garment", "body", "phenotype", "level")} | {
             "motion": worn.motion.name,
             "step": number,
         }

@@ -13,7 +13,8 @@ from haptics.garments.bodies import MOTIONS
 from haptics.garments.design.design_job import DesignJob
 from haptics.garments.design.design_run import FILES, run_design
 from haptics.garments.design.drawn import SHAPES
-from haptics.garments.design.topology import Progress
+from haptics.garments.design.topology import SMALLEST_COVERAGE, Progress
+from haptics.units import in_range
 
 
 @dataclass(frozen=True)
@@ -45,7 +46,7 @@ class TableOptions:
 
     :param motions: rows to make, by motion; all if empty.
     :param coverage: of all rows, instead of the published ones.
-    :raises InputError: a motion that is no row.
+    :raises InputError: a motion that is no row, or a coverage that is not 0.01 to 1.
     """
 
     body: str = "capsule"
@@ -60,6 +61,8 @@ class TableOptions:
         for motion in self.motions:
             if motion not in known:
                 raise InputError(f"motion = {motion!r} is no row of Table 5.1; allowed: {', '.join(known)}")
+        if self.coverage is not None:
+            in_range("coverage", self.coverage, SMALLEST_COVERAGE, 1.0)
 
     @property
     def cases(self) -> list[Case]:

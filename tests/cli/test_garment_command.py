@@ -350,6 +350,8 @@ class TestEvaluate:
             (("--steps", "0"), "allowed: 1 to 1000"),
             (("--garment", "sleeve"), "with a mask only"),
             (("--picture", "/nowhere/m.png"), "there is no folder"),
+            (("--picture", "m.jpg"), "ending of picture m.jpg = '.jpg' is not allowed; allowed: .png"),
+            (("--rrd", "m.txt"), "allowed: .rrd"),
         ],
     )
     def test_refuses(self, words, why, designed, refused):
@@ -361,6 +363,8 @@ class TestEvaluate:
         assert "no such file" in refused("garment", "evaluate", tmp_path)
         assert "--garment and --motion" in refused("garment", "evaluate", tmp_path / "m.png")
         assert "no such design" in refused("garment", "evaluate", tmp_path / "m.png", *SLEEVE)
+        (tmp_path / "m.txt").write_text("0")
+        assert "step = 2" in refused("garment", "evaluate", tmp_path / "m.txt", *SLEEVE, "--step", "2")
 
 
 class TestExport:
@@ -391,6 +395,10 @@ class TestExport:
         assert "--force" in refused(*words)
         assert [path.name for path in tmp_path.iterdir()] == ["sleeve-003.ply"]
         answer(*words, "--force")
+
+    def test_without_libigl_it_says_what_to_install(self, designed, refused, tmp_path, monkeypatch):
+        monkeypatch.setitem(sys.modules, "igl", None)
+        assert "wearable-haptics[garment]" in refused("garment", "export", designed[0], "--out", tmp_path / "cut")
 
     def test_refuses_a_sheet_too_small(self, designed, refused, tmp_path):
         words = ("garment", "export", designed[0], "--out", tmp_path, "--sheet-width-mm", "200", "--sheet-length-mm", "200")

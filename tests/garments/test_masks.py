@@ -120,6 +120,21 @@ def test_file_is_read_by_its_ending(tmp_path: Path) -> None:
         read_mask(tmp_path / "torn.png", TUBE)
 
 
+@pytest.mark.parametrize("name", ["empty.txt", "none.npz"])
+def test_a_mask_that_reinforces_nothing_is_refused(name: str, tmp_path: Path, recwarn: pytest.WarningsRecorder) -> None:
+    (tmp_path / "empty.txt").write_text("# none yet\n")
+    np.savez(tmp_path / "none.npz", design=np.zeros(len(Z), bool))
+    with pytest.raises(InputError, match=f"{name} reinforces nothing"):
+        read_mask(tmp_path / name, TUBE)
+    assert not len(recwarn)
+
+
+def test_a_torn_archive_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "torn.npz").write_bytes(b"PK\x03\x04torn")
+    with pytest.raises(InputError, match="this is no list of triangles"):
+        read_mask(tmp_path / "torn.npz", TUBE)
+
+
 def test_garment_without_openings_cannot_take_a_picture(tmp_path: Path) -> None:
     path = _picture(tmp_path / "drawn.png", np.ones((4, 4), bool))
     one = SurfaceMesh(np.array([[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0]], float), np.array([[0, 1, 2]]), "patch")

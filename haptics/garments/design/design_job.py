@@ -78,6 +78,7 @@ def settings_of(job: DesignJob, worn: WornMotion) -> dict[str, Any]:
     return {
         **_garment_of(job.garment),
         "motion": job.motion,
+        "coverage": job.coverage,
         "angle_deg": worn.angle_deg,
         "level": job.level,
         "body": job.body,

@@ -116,6 +116,8 @@ def run_design(
             refuse_existing(path, force or resume)
     say(f"putting {job.garment} on body {job.body}")
     worn = put_on(job)
+    if resume:
+        DesignStore(paths[STORE], settings_of(job, worn)).refuse_others()
     _make_room(out, [] if resume else list(paths.values()))
     say("rating the drawn line and X")
     drawn = _baselines(job, worn)

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -122,16 +122,28 @@ class DesignStore:
             return None
         begun, sequence = _read(self.path)
         wanted = json.loads(_json({**self._settings, **settings}))
+        self._refuse_others(begun, wanted, begun.keys() | wanted.keys())
+        return sequence
+
+    def refuse_others(self) -> None:
+        """Look, before anything takes time, whether what is in the file was begun with the settings of this store.
+
+        :raises InputError: it was not, or is no design sequence.
+        """
+        if self.path.exists():
+            wanted = json.loads(_json(self._settings))
+            self._refuse_others(_read(self.path)[0], wanted, wanted.keys())
+
+    def _refuse_others(self, begun: Mapping[str, Any], wanted: Mapping[str, Any], keys: Set[str]) -> None:
         differ = [
             f"{key} was {begun.get(key)!r} and is now {wanted.get(key)!r}"
-            for key in sorted(begun.keys() | wanted.keys())
+            for key in sorted(keys)
             if begun.get(key) != wanted.get(key)
         ]
         if differ:
             raise InputError(
                 f"{self.path} was begun with other settings: {'; '.join(differ)}; allowed: the same ones, or another file"
             )
-        return sequence
 
     def save(self, settings: Mapping[str, Any], sequence: DesignSequence) -> None:
         """Put ``sequence`` in place of what is in the file.

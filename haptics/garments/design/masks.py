@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 import os
+import warnings
+import zipfile
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from haptics.errors import InputError
+from haptics.garments.cut.coarsening import libigl
 from haptics.garments.design.geodesic import SurfaceGraph, boundary_loops
 from haptics.garments.design.rating import first_by_area
 from haptics.garments.mesh import Bools, Floats, SurfaceMesh
 from haptics.units import in_range, one_of
 
+MASKS = (".png", ".obj", ".ply", ".stl", ".txt", ".npz")
+"""Endings of the files that a mask can come in."""
 NEAR_M = 0.005
 """A triangle this near to a drawn surface is reinforced."""
 FRONT = np.array([0.0, -1.0, 0.0])
@@ -25,15 +30,19 @@ def read_mask(path: str | os.PathLike[str], rest: SurfaceMesh, near_m: float = N
 
     .png: ``mask_from_image``; .obj .ply .stl: ``mask_from_surface``; .txt .npz: ``mask_from_list``.
 
-    :raises InputError: another ending, or what those raise.
+    :raises InputError: another ending, a mask that reinforces nothing, or what those raise.
     """
     path = Path(path)
-    ending = one_of(f"ending of {path.name}", path.suffix.lower(), (".png", ".obj", ".ply", ".stl", ".txt", ".npz"))
+    ending = one_of(f"ending of {path.name}", path.suffix.lower(), MASKS)
     if ending == ".png":
-        return mask_from_image(path, rest)
-    if ending in (".txt", ".npz"):
-        return mask_from_list(path, len(rest.triangles))
-    return mask_from_surface(path, rest, near_m)
+        mask = mask_from_image(path, rest)
+    elif ending in (".txt", ".npz"):
+        mask = mask_from_list(path, len(rest.triangles))
+    else:
+        mask = mask_from_surface(path, rest, near_m)
+    if not mask.any():
+        raise InputError(f"{path} reinforces nothing; allowed: at least one triangle")
+    return mask
 
 
 def mask_from_image(path: str | os.PathLike[str], rest: SurfaceMesh) -> Bools:
@@ -60,13 +69,9 @@ def mask_from_surface(path: str | os.PathLike[str], rest: SurfaceMesh, near_m: f
     """
     from haptics.garments.mesh_files import read_mesh
 
-    try:
-        import igl
-    except ImportError as error:
-        raise InputError(f"drawn surfaces need libigl ({error}): pip install 'wearable-haptics[garment]'") from error
     in_range("near_m", near_m, 1e-5, 0.1, "m")
     surface = read_mesh(Path(path))
-    squared: Any = igl.point_mesh_squared_distance(rest.centres_m, surface.vertices_m, surface.triangles)[0]
+    squared: Any = libigl().point_mesh_squared_distance(rest.centres_m, surface.vertices_m, surface.triangles)[0]
     mask = squared <= near_m**2
     if not mask.any():
         raise InputError(
@@ -96,10 +101,11 @@ def mask_from_list(path: str | os.PathLike[str], triangles: int) -> Bools:
                     return design
                 numbers = data["triangles"]
         else:
-            numbers = np.loadtxt(path, dtype=np.int64, comments="#", ndmin=1)
+            with warnings.catch_warnings(action="ignore"):  # of an empty file: an empty list, which is refused as such
+                numbers = np.loadtxt(path, dtype=np.int64, comments="#", ndmin=1)
     except InputError:
         raise
-    except (OSError, KeyError, ValueError) as error:
+    except (OSError, EOFError, KeyError, ValueError, zipfile.BadZipFile) as error:
         raise InputError(f"{path}: this is no list of triangles: {error}") from error
     if numbers.ndim != 1 or not np.issubdtype(numbers.dtype, np.integer):
         raise InputError(f"{path}: triangles are {numbers.dtype} of shape {numbers.shape}; allowed: one row of whole numbers")

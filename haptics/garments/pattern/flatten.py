@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from haptics.errors import InputError
+from haptics.garments.cut.coarsening import libigl
 from haptics.garments.mesh import Floats, SurfaceMesh
 
 SLIM_STEPS, MOST_SLIM_STEPS = 3, 90
@@ -48,7 +49,7 @@ def flatten(disc: SurfaceMesh, settled: float = SETTLED) -> Floats:
     :param settled: end when no stretch changes by more than this in three iterations.
     :raises InputError: libigl is missing, the mesh is not a disc, or triangles are flipped.
     """
-    igl = _igl()
+    igl = libigl()
     boundary = _boundary(disc)
     # SLIM wants lengths near 1: its step control has absolute limits.
     unit_m = float(np.sqrt(disc.areas_m2.sum()))
@@ -91,14 +92,6 @@ def distortion(disc: SurfaceMesh, flat_m: Floats) -> Distortion:
         area=float(share @ change),
         largest_area=float(change.max()),
     )
-
-
-def _igl() -> Any:
-    try:
-        import igl
-    except ImportError as error:
-        raise InputError("laying panels flat needs libigl; install it with: pip install 'wearable-haptics[garment]'") from error
-    return igl
 
 
 def _boundary(disc: SurfaceMesh) -> list[int]:

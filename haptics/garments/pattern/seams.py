@@ -15,6 +15,7 @@ from itertools import pairwise
 import numpy as np
 
 from haptics.errors import InputError
+from haptics.garments.cut.coarsening import libigl
 from haptics.garments.mesh import Bools, Floats, Ints, SurfaceMesh
 from haptics.garments.pattern.cloth import Cloth, Panel
 from haptics.garments.pattern.flatten import SETTLED, Distortion, distortion, flatten, gradients
@@ -104,10 +105,9 @@ def _laid_flat(panel: Panel, settled: float = SETTLED) -> FlatPanel:
 
 def _front_and_back(cloth: Cloth, front: Floats) -> Cloth | None:
     """Parted where the smoothed cloth turns from facing the front to facing the back; None if that never gives two discs."""
-    import igl
     from scipy.sparse.linalg import splu
 
-    whole = cloth.panels[0]
+    igl, whole = libigl(), cloth.panels[0]
     mass = igl.massmatrix(whole.mesh.vertices_m, whole.mesh.triangles, igl.MASSMATRIX_TYPE_BARYCENTRIC)
     laplacian = igl.cotmatrix(whole.mesh.vertices_m, whole.mesh.triangles)
     facing = whole.mesh.vertex_normals @ front
@@ -169,7 +169,6 @@ def _level_about(tube: Panel, path: Ints, by_hand: Cloth, width: int) -> tuple[F
     It is harmonic between +1 and -1, which it has ``width`` edges away to the left and right of the path. None where the two
     sides meet round the back of the tube.
     """
-    import igl
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import dijkstra
     from scipy.sparse.linalg import splu
@@ -198,7 +197,7 @@ def _level_about(tube: Panel, path: Ints, by_hand: Cloth, width: int) -> tuple[F
     on_path = np.isin(tube.mesh.triangles, path).any(axis=1)
     if np.any(strip & ~on_path & (np.abs(sides.sum(axis=1)) < 3)):
         return None
-    laplacian = igl.cotmatrix(tube.mesh.vertices_m, tube.mesh.triangles[strip])
+    laplacian = libigl().cotmatrix(tube.mesh.vertices_m, tube.mesh.triangles[strip])
     level = side.copy()
     level[free] = splu(laplacian[free][:, free].tocsc()).solve(-laplacian[free][:, ~free] @ side[~free])
     return level, strip
