@@ -17,7 +17,6 @@ from haptics.physics.parameters import provenance
 SOLVERS: Mapping[str, tuple[str, str]] = {
     "pardiso": ("oneMKL through pypardiso: BSD-3-Clause, MKL under Intel's Simplified Software License", "extra `solver`"),
     "cholmod": ("SuiteSparse through cvxopt: GPL-3.0", "pip install cvxopt, if you accept its licence"),
-    "cholespy": ("CHOLMOD's simplicial part: BSD-3-Clause, that part LGPL-2.1", "pip install cholespy"),
     "superlu": ("SuperLU through scipy: BSD-3-Clause", "always there"),
 }
 """Licence of each sparse solver, and how to get it; fastest first."""

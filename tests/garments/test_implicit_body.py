@@ -69,6 +69,42 @@ def test_derivatives_agree_with_differences(round_body):
         assert np.abs((up_slope - down_slope) / (2 * h) - hessian[:, axis]).max() < 1e-6 * np.abs(hessian).max() + 1e-4
 
 
+def leaving(body, count: int = 20) -> tuple[np.ndarray, np.ndarray]:
+    """Points on straight ways from a place inside, near its home, to beyond all that the home feels; step by step."""
+    rng = np.random.default_rng(6)
+    start = near_the_skin(count, 5, 0.002)
+    homes = nearest_vertices(start, body.vertices_m)
+    way = rng.normal(size=(count, 3))
+    steps = np.linspace(0, 0.06, 6001)[:, None, None]
+    return start + steps * way / np.linalg.norm(way, axis=1, keepdims=True), homes
+
+
+def test_contact_ends_without_a_step_where_the_skin_is_out_of_reach(round_body):
+    """What cloth feels is min(phi, 0): a jump of it would be a cliff in the energy, which no step gets down."""
+    ways, homes = leaving(round_body)
+    depth = np.array([np.minimum(round_body.distance_m(points, homes), 0.0) for points in ways])
+    assert (depth[-1] == 0).all()
+    assert depth.min() < -1e-3
+    coarse, fine = (np.abs(np.diff(depth[::every], axis=0)).max() for every in (4, 1))
+    assert fine < 0.3 * coarse  # four times shorter steps, four times smaller differences
+
+
+def test_derivatives_agree_with_differences_where_contact_ends(round_body):
+    ways, homes = leaving(round_body)
+    h = 1e-7
+    for points in ways[::25]:
+        phi, gradient, hessian = round_body.distance_and_curvature(points, homes)
+        there = np.isfinite(phi)
+        for axis in range(3):
+            step = h * np.eye(3)[axis]
+            up, up_slope = round_body.distance_and_slope(points + step, homes)
+            down, down_slope = round_body.distance_and_slope(points - step, homes)
+            both = there & np.isfinite(up) & np.isfinite(down)
+            assert (up[both] - down[both]) / (2 * h) == pytest.approx(gradient[both, axis], abs=1e-5)
+            difference = np.abs((up_slope[both] - down_slope[both]) / (2 * h) - hessian[both, axis])
+            assert difference.max(initial=0.0) < 1e-6 * np.abs(hessian).max() + 0.5
+
+
 def test_orders_agree_with_each_other(round_body):
     points = near_the_skin(100, 4, 0.003)
     homes = nearest_vertices(points, round_body.vertices_m)

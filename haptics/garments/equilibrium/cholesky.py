@@ -4,7 +4,6 @@
 | --- | --- | --- | --- |
 | pardiso | oneMKL through pypardiso | BSD-3 wrapper, MKL under Intel's Simplified Software License | extra `solver` |
 | cholmod | SuiteSparse through cvxopt | GPL-3 | installed by you: never required here |
-| cholespy | CHOLMOD's simplicial part, built in | BSD-3, that part LGPL-2.1 | installed by you |
 | superlu | SuperLU through scipy | BSD-3 | nothing: always there |
 
 Fastest first, as measured by `make bench`.
@@ -12,11 +11,10 @@ Fastest first, as measured by `make bench`.
 
 from __future__ import annotations
 
-import ctypes
 import os
 import weakref
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable
+from contextlib import suppress
 from importlib.util import find_spec
 from typing import Any, Protocol, cast
 
@@ -148,46 +146,6 @@ class _Cholmod:
         return np.array(x).ravel()
 
 
-class _Cholespy:
-    name = "cholespy"
-
-    def __init__(self, indptr: Indices, indices: Indices):
-        self._upper = _Upper(indptr, indices)
-        self._n = len(indptr) - 1
-        self._solver: Any = None
-
-    def factorise(self, values: Floats) -> None:
-        from cholespy import CholeskySolverD, MatrixType  # pyright: ignore[reportAttributeAccessIssue]
-
-        kept = np.ascontiguousarray(values[self._upper.kept])
-        try:
-            with _c_output_dropped():
-                self._solver = CholeskySolverD(self._n, self._upper.indptr, self._upper.indices, kept, MatrixType.CSC)
-        except ValueError as error:
-            raise NotDefinite(f"cholespy: {error}") from error
-
-    def solve(self, right: Floats) -> Floats:
-        x = np.zeros_like(right)
-        self._solver.solve(np.ascontiguousarray(right), x)
-        return x
-
-
-@contextmanager
-def _c_output_dropped() -> Iterator[None]:
-    """What C code prints goes nowhere: cholespy tells standard output of each matrix without a factor, amid a program's JSON."""
-    c_library = ctypes.CDLL("ucrtbase" if os.name == "nt" else None)
-    c_library.fflush(None)  # what others have printed before
-    kept, nowhere = os.dup(1), os.open(os.devnull, os.O_WRONLY)
-    try:
-        os.dup2(nowhere, 1)
-        yield
-    finally:
-        c_library.fflush(None)
-        os.dup2(kept, 1)
-        os.close(kept)
-        os.close(nowhere)
-
-
 class _SuperLu:
     name = "superlu"
 
@@ -227,6 +185,5 @@ class _SuperLu:
 _SOLVERS: dict[str, tuple[str, Callable[[Indices, Indices], SparseCholesky]]] = {
     "pardiso": ("pypardiso", _Pardiso),
     "cholmod": ("cvxopt", _Cholmod),
-    "cholespy": ("cholespy", _Cholespy),
     "superlu": ("scipy", _SuperLu),
 }

@@ -23,8 +23,9 @@ NEIGHBOURS = 60
 """Body vertices that a home sees. Fewer truncate the support where the body's mesh is uneven."""
 
 
-LEAST_WEIGHT = 1e-3
-"""Below this sum of the phi_k, at nine tenths of every support, the quotient is steep and means nothing: no skin there."""
+LEAST_WEIGHT, FULL_WEIGHT = 1e-3, 1e-2
+"""Below the least sum of the phi_k, at nine tenths of every support, the quotient is steep and means nothing: no skin there. Phi
+fades between the two: a jump from deep inside to no skin would be a cliff in the energy, which no step gets down."""
 
 
 def neighbour_lists(rest: SurfaceMesh, count: int = NEIGHBOURS) -> Ints:
@@ -161,6 +162,16 @@ def _walk(points, homes, vertices, lists):
 
 
 @njit(cache=True)
+def _fade(weight):
+    """0 at LEAST_WEIGHT, 1 from FULL_WEIGHT, with its two derivatives by the weight: the skin ends without a step."""
+    if weight >= FULL_WEIGHT:
+        return 1.0, 0.0, 0.0
+    width = FULL_WEIGHT - LEAST_WEIGHT
+    t = (weight - LEAST_WEIGHT) / width
+    return t**3 * (10 - 15 * t + 6 * t * t), 30 * t * t * (1 - t) ** 2 / width, 60 * t * (1 - t) * (1 - 2 * t) / width**2
+
+
+@njit(cache=True)
 def _imls(points, homes, vertices, normals, support, lists, order):
     n = len(points)
     phi = np.full(n, np.inf)
@@ -209,16 +220,22 @@ def _imls(points, homes, vertices, normals, support, lists, order):
         if bottom <= LEAST_WEIGHT:
             continue
         phi[i] = top / bottom
+        fade, fade1, fade2 = _fade(bottom)
         if order == 0:
+            phi[i] *= fade
             continue
         for a in range(3):
             gradient[i, a] = (top1[a] - phi[i] * bottom1[a]) / bottom
-        if order == 1:
-            continue
-        for a in range(3):
+        for a in range(3 if order > 1 else 0):
             for b in range(a + 1):
+                plain = (top2[a, b] - gradient[i, a] * bottom1[b] - gradient[i, b] * bottom1[a] - phi[i] * bottom2[a, b]) / bottom
                 hessian[i, a, b] = (
-                    top2[a, b] - gradient[i, a] * bottom1[b] - gradient[i, b] * bottom1[a] - phi[i] * bottom2[a, b]
-                ) / bottom
+                    fade * plain
+                    + fade1 * (gradient[i, a] * bottom1[b] + gradient[i, b] * bottom1[a] + phi[i] * bottom2[a, b])
+                    + fade2 * phi[i] * bottom1[a] * bottom1[b]
+                )
                 hessian[i, b, a] = hessian[i, a, b]
+        for a in range(3):
+            gradient[i, a] = fade * gradient[i, a] + fade1 * phi[i] * bottom1[a]
+        phi[i] *= fade
     return phi, gradient, hessian
