@@ -98,8 +98,8 @@ class StraightRig:
 def rest_shape(phenotype: Mapping[str, float]) -> RestShape:
     """:raises InputError: anny or torch is missing."""
     try:
-        import torch
-        from anny import Anny, paths
+        import torch  # pyright: ignore[reportMissingImports]
+        from anny import Anny, paths  # pyright: ignore[reportMissingImports]
     except ImportError as error:
         raise missing(error.name or "anny") from error
 
@@ -176,7 +176,7 @@ def straight_rig(rest: RestShape) -> StraightRig:
 
 def _outer_skin(model) -> tuple[Ints, Ints]:
     """Vertices kept, ``(vertices,)``, and triangles, without eyes, tongue, and the insides of mouth and eye sockets."""
-    from anny.face_segmentation import get_face_segmentation_mask
+    from anny.face_segmentation import get_face_segmentation_mask  # pyright: ignore[reportMissingImports]
 
     hidden = get_face_segmentation_mask(model, ["mouth_cavity", "eye_cavity.L", "eye_cavity.R"]).numpy()
     triangles = largest_piece(model.faces.numpy().astype(np.int64)[~hidden])

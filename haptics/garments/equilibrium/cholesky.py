@@ -124,7 +124,7 @@ class _Cholmod:
     name = "cholmod"
 
     def __init__(self, indptr: Indices, indices: Indices):
-        from cvxopt import cholmod, matrix, spmatrix  # pyright: ignore[reportAttributeAccessIssue]
+        from cvxopt import cholmod, matrix, spmatrix  # pyright: ignore[reportMissingImports, reportAttributeAccessIssue]
 
         self._upper = _Upper(indptr, indices)
         n = len(indptr) - 1
