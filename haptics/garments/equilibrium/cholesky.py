@@ -97,6 +97,9 @@ class _Pardiso:
         os.environ.setdefault("PYPARDISO_MKL_RT", self._solver.libmkl._name)
         # On several threads the last bits of the result change from run to run, and at this size little is gained.
         self._solver.libmkl.MKL_Set_Num_Threads(1)
+        # Settings of its own instead of MKL's: nested dissection, and no refinement of the solution, which Newton's next step is.
+        self._solver.set_iparm(1, 1)
+        self._solver.set_iparm(2, 2)
         n = len(indptr) - 1
         self._matrix = csr_matrix((np.zeros(len(self._upper.indices)), self._upper.indices, self._upper.indptr), shape=(n, n))
         self._none: Floats = np.zeros((n, 1))

@@ -316,10 +316,9 @@ class WornState:
         shallow = touching & (phi > -rounding)
         depth[shallow] = np.maximum(depth[shallow], phi[shallow] - rounding)
         moved = np.flatnonzero(touching | landing)
-        for _ in range(2):
-            now, normal = surface.distance_and_slope(x[moved], homes[moved])
-            off = np.where(np.isfinite(now), depth[moved] - now, 0.0)
-            x[moved] += (off / np.maximum(np.einsum("ij,ij->i", normal, normal), 0.25))[:, None] * normal
+        now, normal = surface.distance_and_slope(x[moved], homes[moved])
+        off = np.where(np.isfinite(now), depth[moved] - now, 0.0)
+        x[moved] += (off / np.maximum(np.einsum("ij,ij->i", normal, normal), 0.25))[:, None] * normal
         return x
 
 
