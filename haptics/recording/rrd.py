@@ -8,18 +8,17 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from haptics.errors import HapticsError, InputError
 from haptics.recording import view_data
 from haptics.recording.output import replacing
 from haptics.recording.recording import Recording
+from haptics.recording.rerun_library import open_rerun, strict
 
 TIMELINE = "session"
 """Time since the session's start."""
@@ -35,10 +34,10 @@ def write_rrd(recording: Recording, path: str | os.PathLike[str], *, force: bool
     :raises InputError: rerun is not installed, or ``path`` exists and ``force`` is not given.
     :raises HapticsError: rerun cannot write the file.
     """
-    rr = _rerun()
+    rr = open_rerun()
     out = Path(path)
     identity = json.dumps([recording.header, recording.footer], sort_keys=True)
-    with replacing(out, force) as partial, _strict(rr):
+    with replacing(out, force) as partial, strict(rr):
         stream = rr.RecordingStream(
             "haptics", recording_id=hashlib.sha256(identity.encode()).hexdigest()[:32], send_properties=False
         )
@@ -158,26 +157,3 @@ def _blueprint() -> Any:
         rrb.SelectionPanel(state="collapsed"),
         rrb.BlueprintPanel(state="collapsed"),
     )
-
-
-def _rerun() -> Any:
-    try:
-        import rerun
-    except ImportError as error:
-        raise InputError(f"the viewer's files need rerun ({error}): pip install 'wearable-haptics[view]'") from error
-    return rerun
-
-
-@contextmanager
-def _strict(rr: Any) -> Iterator[None]:
-    # rerun only warns of data it cannot log unless told otherwise
-    before = rr.strict_mode()
-    rr.set_strict_mode(True)
-    try:
-        yield
-    except (RuntimeError, TypeError, ValueError) as error:
-        if isinstance(error, HapticsError):
-            raise
-        raise HapticsError(f"rerun cannot write the file: {error}") from error
-    finally:
-        rr.set_strict_mode(before)

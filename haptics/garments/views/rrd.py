@@ -7,18 +7,17 @@ evaluation gives the same view; nothing but the file is touched.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from haptics.errors import HapticsError, InputError
 from haptics.garments.equilibrium.wearing import MotionEvaluation, WornMotion
 from haptics.garments.mesh import Floats, SurfaceMesh
 from haptics.garments.views.pictures import SKIN, brightest
 from haptics.recording.output import replacing
+from haptics.recording.rerun_library import open_rerun, strict
 
 TIMELINE = "angle_deg"
 LOWEST_COLOUR, HIGHEST_COLOUR = np.array([68.0, 1.0, 84.0]), np.array([253.0, 231.0, 37.0])
@@ -34,9 +33,9 @@ def write_motion_rrd(worn: WornMotion, found: MotionEvaluation, path: Path, forc
     :raises InputError: rerun is not installed, or ``path`` exists and ``force`` is not given.
     :raises HapticsError: rerun cannot write the file.
     """
-    rr = _rerun()
+    rr = open_rerun()
     identity = hashlib.sha256(np.concatenate([found.angles_deg, *(e.positions_m.ravel() for e in found.equilibria)]).tobytes())
-    with replacing(path, force) as partial, _strict(rr):
+    with replacing(path, force) as partial, strict(rr):
         stream = rr.RecordingStream("haptics garment", recording_id=identity.hexdigest()[:32], send_properties=False)
         stream.save(partial, default_blueprint=_blueprint())
         _Writer(rr, stream, worn, found).write()
@@ -110,26 +109,3 @@ def _blueprint() -> Any:
         rrb.SelectionPanel(state="collapsed"),
         rrb.BlueprintPanel(state="collapsed"),
     )
-
-
-def _rerun() -> Any:
-    try:
-        import rerun
-    except ImportError as error:
-        raise InputError(f"the viewer's files need rerun ({error}): pip install 'wearable-haptics[view]'") from error
-    return rerun
-
-
-@contextmanager
-def _strict(rr: Any) -> Iterator[None]:
-    # rerun only warns of data it cannot log unless told otherwise
-    before = rr.strict_mode()
-    rr.set_strict_mode(True)
-    try:
-        yield
-    except (RuntimeError, TypeError, ValueError) as error:
-        if isinstance(error, HapticsError):
-            raise
-        raise HapticsError(f"rerun cannot write the file: {error}") from error
-    finally:
-        rr.set_strict_mode(before)
