@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from itertools import islice
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,7 +15,7 @@ from haptics.errors import InputError
 from haptics.garments.materials import CLOTH as OUR_CLOTH, REINFORCED as OUR_REINFORCED
 from haptics.garments.patch.bands import Band, Layout, covered, crossed, fitted, parallel
 from haptics.garments.patch.clamped_patch import ClampedPatch, layout_of, pull
-from haptics.garments.patch.patch_layouts import FAMILIES, READINGS, coverage_for, most_energy_j, try_layout
+from haptics.garments.patch.patch_layouts import FAMILIES, READINGS, coverage_for, layouts_tried, most_energy_j, try_layout
 from haptics.garments.patch.patch_mesh import patch_mesh
 
 SMALL = 500
@@ -272,3 +274,20 @@ def test_each_reading_is_another_patch(reading: str) -> None:
 def test_what_is_no_patch_is_refused(call: Callable[[], object], says: str) -> None:
     with pytest.raises(InputError, match=says):
         call()
+
+
+@pytest.mark.parametrize(("words", "family"), [("one band along the pull", "along"), ("one at 35°", "at 35 degrees")])
+def test_the_page_tells_what_the_layouts_give(words, family):
+    page = (Path(__file__).resolve().parents[2] / "docs" / "explanation" / "patch.md").read_text(encoding="utf-8")
+    (row,) = [line for line in page.splitlines() if line.startswith(f"| {words} |")]
+    told = [float(cell) for cell in row.split("|")[2:6]]
+    found = [try_layout(family, reading).force_n for reading in READINGS]
+    assert told == pytest.approx(found, abs=0.006)
+
+
+def test_the_layouts_tried_are_all_families_under_all_readings():
+    first = list(islice(layouts_tried(elements=60), len(READINGS) + 1))
+    assert [tried.reading for tried in first] == [*READINGS, READINGS[0]]
+    one, other, *_ = FAMILIES
+    assert [tried.family for tried in first] == [one] * len(READINGS) + [other]
+    assert first[0].result.force_n == try_layout(first[0].family, first[0].reading, elements=60).force_n

@@ -28,9 +28,11 @@ TOLERANCE_N = 1e-7
 COLD_DAMPING_N_M3 = 1e5
 """Damping to begin with where the start is the posed body's copy."""
 MOST_ROUNDS = 6
+"""Times that homes are let follow and the equilibrium is sought again."""
 NEAR_N = 1e-3
 """Force left over at which the vertices' homes are looked at for the first time."""
 SAME_SKIN_M = 1e-6
+"""Skin that shifts by less with a vertex' home counts as the same: a fiftieth of how deep contact gives way."""
 DEEP_M = 1e-3
 """Cloth deeper inside the body than contact ever lets it sink is brought to the surface before the start."""
 
