@@ -10,6 +10,7 @@ edge.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from functools import cached_property
 from pathlib import Path
 
@@ -17,10 +18,32 @@ import numpy as np
 from numpy.typing import NDArray
 
 from haptics.errors import InputError
+from haptics.meshes import (
+    AXES,
+    UNITS,
+    Kind,
+    capped,
+    check_arrays,
+    cleaned,
+    holes,
+    holes_in_words,
+    in_frame,
+    outward,
+    read_triangles,
+    size_fault,
+    winding_number,
+)
 from haptics.scene.pose import Array
+from haptics.units import one_of
 
-FORMATS = (".obj", ".stl")
-LARGEST_FACES = 200_000
+TOUCHED = Kind(
+    "something to touch", 0.002, 3.0, 0.1, 'say units = "{unit}" or scale = {scale} in its shape (units = "m" keeps the size)'
+)
+"""From a bead to a table."""
+SECONDS_PER_TRIANGLE = 2e-6
+"""Of fifteen sites' distances from a mesh near them, on one core; found: 1 to 2.6 us from 200 to 16,000 triangles."""
+FAST_TRIANGLES = 500
+"""Of so many the distances take the 1 ms that a tick in real time has."""
 SLIVER = 1e-12
 """Least twice-area of a triangle, relative to the square of the mesh's extent, that still has a direction in float64."""
 _PAIRS_AT_ONCE = 400_000
@@ -31,15 +54,15 @@ class TriangleMesh:
 
     :param vertices_m: (v, 3), metres.
     :param faces: (f, 3) vertex indices. Wound either way round; an inside-out mesh is turned.
-    :param name: where it came from, for messages.
+    :param name: where it came from, for messages. :param notes: what was mended when it was read.
     :raises InputError: not finite, indices out of range, degenerate, open, non-manifold or inconsistently wound; the
         message says where.
     """
 
-    def __init__(self, vertices_m: Array, faces: NDArray[np.integer], name: str = "mesh"):
+    def __init__(self, vertices_m: Array, faces: NDArray[np.integer], name: str = "mesh", notes: tuple[str, ...] = ()):
         vertices = np.asarray(vertices_m, dtype=np.float64)
         triangles = np.asarray(faces, dtype=np.int64)
-        _check_arrays(name, vertices, triangles)
+        check_arrays(name, vertices, triangles)
         vertices, index = np.unique(vertices, axis=0, return_inverse=True)  # STL repeats each vertex in every triangle
         triangles = index.reshape(-1)[triangles]
         _check_surface(name, vertices, triangles)
@@ -49,7 +72,7 @@ class TriangleMesh:
         )
         if volume_m3 < 0.0:
             triangles = triangles[:, ::-1]
-        self.name = name
+        self.name, self.notes = name, notes
         self.vertices_m, self.faces = vertices, triangles
         self.volume_m3 = abs(volume_m3)
         self._corners = vertices[triangles]  # (f, 3, 3)
@@ -83,7 +106,7 @@ class TriangleMesh:
         rows = max(1, _PAIRS_AT_ONCE // len(self.faces))
         for start in range(0, len(candidates), rows):
             some = candidates[start : start + rows]
-            inside[some] = _winding_number(points_m[some], self._corners) > 0.5
+            inside[some] = winding_number(points_m[some], self._corners) > 0.5
         return inside
 
     @cached_property
@@ -113,66 +136,78 @@ class TriangleMesh:
         return nearest, face
 
 
-def load_mesh(path: Path, scale: float = 1.0) -> TriangleMesh:
-    """A mesh from an OBJ or STL file (text or binary), its lengths multiplied by ``scale`` to metres.
+def load_mesh(
+    path: Path, scale: float | None = None, units: str | None = None, up: str = "y", repair: bool = False
+) -> TriangleMesh:
+    """A mesh from an OBJ, STL or PLY file (text or binary), in metres and y up, with what had to be mended in its ``notes``.
 
-    :raises InputError: no such file, another format, unreadable, trimesh not installed, or not a closed mesh.
+    :param scale: metres per unit of the file, or :param units: one of ``meshes.UNITS``; neither: metres.
+    :param up: which axis of the file points up, one of ``meshes.AXES``.
+    :param repair: close holes by flat caps.
+    :raises InputError: a file that cannot be read, trimesh not installed where that needs it, a size that nothing to touch has
+        while neither scale nor units say so, or not a closed mesh.
     """
-    path = Path(path)
-    if path.suffix.lower() not in FORMATS:
-        raise InputError(f"mesh {path} is of type {path.suffix or '(none)'}; allowed: {', '.join(FORMATS)}")
-    if not path.is_file():
-        raise InputError(f"mesh {path} does not exist")
-    if not (math.isfinite(scale) and scale > 0.0):
+    path, notes = Path(path), []
+    if scale is not None and units is not None:
+        raise InputError(f"mesh {path}: scale = {scale:g} and units = {units!r} are both given; allowed: one of them")
+    if scale is not None and not (math.isfinite(scale) and scale > 0.0):
         raise InputError(f"mesh {path}: scale = {scale:g} is not allowed; allowed: above 0, metres per unit of the file")
-    try:
-        import trimesh
-    except ImportError as error:
-        raise InputError(
-            f"mesh {path} needs trimesh to be read; install it with: pip install 'wearable-haptics[mesh]'"
-        ) from error
-    try:
-        with path.open("rb") as file:
-            found = trimesh.load(file, file_type=path.suffix[1:].lower(), process=False, force="mesh")
-        vertices, faces = np.asarray(found.vertices, float), np.asarray(found.faces)  # type: ignore[union-attr]
-    except Exception as error:  # the reader has no error type of its own: whatever it raises, the file is broken
-        raise InputError(f"mesh {path} cannot be read as {path.suffix[1:].upper()}: {error}") from error
-    return TriangleMesh(vertices * scale, faces, name=str(path))
+    unit_m = UNITS[one_of(f"units of mesh {path}", units, tuple(UNITS))] if units is not None else scale or 1.0
+    one_of(f"up of mesh {path}", up, AXES)
+    vertices, triangles = read_triangles(path, extra="mesh")
+    fault = size_fault(vertices[np.unique(triangles)], TOUCHED, unit_m)
+    if fault is not None and scale is None and units is None:
+        raise InputError(f"mesh {path}: {fault}")
+    if fault is not None:
+        notes.append(f"{fault.seen}; taken at its word")
+    vertices = in_frame(vertices, unit_m, up, to="y")
+    vertices, triangles, mended = cleaned(vertices, triangles, 0.5 * _no_twice_area_m2(vertices))
+    found = holes(triangles) if repair else []
+    if found:
+        vertices, triangles = capped(vertices, triangles, found)
+        mended.append(f"{holes_in_words(vertices, found)} closed by flat caps")
+    facing, turned = outward(vertices, triangles)
+    if turned:
+        mended.append(f"it was inside out: {turned} of {len(triangles)} triangles turned")
+    return TriangleMesh(vertices, facing, name=f"mesh {path}", notes=tuple(f"{path.name}: {note}" for note in notes + mended))
 
 
-def _check_arrays(name: str, vertices: Array, faces: NDArray[np.int64]) -> None:
-    if vertices.ndim != 2 or vertices.shape[1:] != (3,) or faces.ndim != 2 or faces.shape[1:] != (3,) or len(faces) == 0:
-        raise InputError(
-            f"{name} has no triangles: vertices {vertices.shape}, faces {faces.shape}; allowed: (v, 3) and (f, 3), f at least 1"
-        )
-    if len(faces) > LARGEST_FACES:
-        raise InputError(f"{name} has {len(faces)} triangles; allowed: at most {LARGEST_FACES}")
-    broken = np.flatnonzero(~np.isfinite(vertices).all(axis=1))
-    if broken.size:
-        raise InputError(f"{name}: vertex {broken[0]} is {vertices[broken[0]].tolist()}; allowed: finite coordinates")
-    outside = np.flatnonzero(((faces < 0) | (faces >= len(vertices))).any(axis=1))
-    if outside.size:
-        raise InputError(
-            f"{name}: triangle {outside[0]} names vertices {faces[outside[0]].tolist()}; allowed: 0 to {len(vertices) - 1}"
-        )
+def slow_notice(meshes: Sequence[TriangleMesh]) -> str | None:
+    """What meshes together will cost a tick that passes near them, where that is more than a tick in real time has."""
+    triangles = sum(len(mesh.faces) for mesh in meshes)
+    if triangles <= FAST_TRIANGLES:
+        return None
+    seconds = triangles * SECONDS_PER_TRIANGLE
+    return (
+        f"{triangles} triangles of meshes: about {1e3 * seconds:.3g} ms a tick while the hand is near them, {1e3 * seconds:.3g} s of "
+        f"computing a second; real time needs {FAST_TRIANGLES} at most"
+    )
+
+
+def _no_twice_area_m2(vertices: Array) -> float:
+    return SLIVER * float(np.ptp(vertices, axis=0).max()) ** 2
 
 
 def _check_surface(name: str, vertices: Array, faces: NDArray[np.int64]) -> None:
     corners = vertices[faces]
     twice_area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-    flat = np.flatnonzero(twice_area <= SLIVER * float(np.ptp(vertices, axis=0).max()) ** 2)
+    flat = np.flatnonzero(twice_area <= _no_twice_area_m2(vertices))
     if flat.size:
         raise InputError(
             f"{name}: triangle {flat[0]} with corners {_places(corners[flat[0]])} has no area; remove degenerate triangles"
         )
     directed = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
     edges, count = np.unique(np.sort(directed, axis=1), axis=0, return_counts=True)
-    for wrong, fault in (
-        (count == 1, "the mesh is open: one triangle only"),
-        (count > 2, "the mesh is not manifold: over two triangles"),
-    ):
-        if wrong.any():
-            raise InputError(f"{name}: {fault} on the edge {_places(vertices[edges[wrong][0]])} ({int(wrong.sum())} such edges)")
+    if (count > 2).any():
+        raise InputError(
+            f"{name}: the mesh is not manifold: over two triangles on the edge {_places(vertices[edges[count > 2][0]])} "
+            f"({int((count > 2).sum())} such edges)"
+        )
+    if (count == 1).any():
+        raise InputError(
+            f"{name}: the mesh is open: {holes_in_words(vertices, holes(faces))}; allowed: a closed surface; close it where it was "
+            "drawn, or say repair = true in its shape to have flat caps put in"
+        )
     twice, times = np.unique(directed, axis=0, return_counts=True)
     if (times > 1).any():
         raise InputError(
@@ -182,15 +217,6 @@ def _check_surface(name: str, vertices: Array, faces: NDArray[np.int64]) -> None
 
 def _places(points: Array) -> str:
     return " ".join("(" + ", ".join(f"{value:g}" for value in point) + ")" for point in points)
-
-
-def _winding_number(points: Array, corners: Array) -> Array:
-    a, b, c = (corners[None, :, k, :] - points[:, None, :] for k in range(3))
-    la, lb, lc = (np.sqrt(np.einsum("nfi,nfi->nf", v, v)) for v in (a, b, c))
-    triple = np.einsum("nfi,nfi->nf", a, np.cross(b, c))
-    dots = (np.einsum("nfi,nfi->nf", u, v) * length for u, v, length in ((a, b, lc), (b, c, la), (c, a, lb)))
-    solid_angle = 2.0 * np.arctan2(triple, la * lb * lc + sum(dots))
-    return solid_angle.sum(axis=1) / (4.0 * math.pi)
 
 
 def _nearest_on_triangles(points: Array, corners: Array) -> Array:

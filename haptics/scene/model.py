@@ -33,11 +33,14 @@ class _Table(BaseModel):
 
 
 class MeshFile(_Table):
-    """A closed triangle mesh in a file beside the scene file."""
+    """A closed triangle mesh in a file beside the scene file; see ``load_mesh``."""
 
     kind: Literal["mesh"]
     file: str
-    scale: float = Field(default=1.0, gt=0.0, description="metres per unit of the file")
+    scale: float | None = Field(default=None, gt=0.0, description="metres per unit of the file")
+    units: Literal["m", "dm", "cm", "mm", "in", "ft"] | None = None
+    up: Literal["x", "y", "z"] = "y"
+    repair: bool = False
 
 
 class ObjectTable(_Table):
@@ -63,7 +66,8 @@ class ObjectTable(_Table):
     def _shape(self, folder: Path | None) -> Shape:
         if not isinstance(self.shape, MeshFile):
             return self.shape
-        return load_mesh((folder or Path()) / self.shape.file, self.shape.scale)
+        mesh = self.shape
+        return load_mesh((folder or Path()) / mesh.file, mesh.scale, mesh.units, mesh.up, mesh.repair)
 
 
 class SceneFile(_Table):

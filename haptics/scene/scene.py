@@ -26,6 +26,7 @@ from haptics.scene.effects import (
 )
 from haptics.scene.grasp import RULES, GraspTracker, grasp_rule
 from haptics.scene.hand import HandRecording
+from haptics.scene.mesh import TriangleMesh, slow_notice
 from haptics.scene.objects import SceneObject, check_object, place_by_palm, size_in_hand
 from haptics.scene.patterns import REFRESH_HZ
 from haptics.scene.placement import InHand, place_at_palm, place_in_hand
@@ -136,6 +137,18 @@ class Scene:
     def effects(self) -> dict[str, tuple[Effect, ...]]:
         """The effects of each object, by its name."""
         return {item.name: item.effects for item in self.objects}
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was done to meshes when they were read, by object, and what they will cost."""
+        meshes = [(item.name, item.body.shape) for item in self.objects if isinstance(item.body.shape, TriangleMesh)]
+        slow = self.slow_notice
+        return (*(f"{name}: {note}" for name, mesh in meshes for note in mesh.notes), *([slow] if slow else []))
+
+    @property
+    def slow_notice(self) -> str | None:
+        """That its meshes will make a run slow, before it begins; None where they will not."""
+        return slow_notice([item.body.shape for item in self.objects if isinstance(item.body.shape, TriangleMesh)])
 
     @property
     def unresolved(self) -> tuple[str, ...]:

@@ -176,7 +176,7 @@ def _brakes(session: Session) -> list[dict[str, Any]]:
 
 
 def _notes(scene: Scene, recording: HandRecording, side: str, session: Session) -> list[str]:
-    notes = [f"{name} is not there: {why}" for name, why in scene.absent]
+    notes = [*scene.notes, *(f"{name} is not there: {why}" for name, why in scene.absent)]
     tracks = recording.of_side(side)
     if not tracks:
         notes.append(f"{recording.source} has no {side} hand")

@@ -72,6 +72,8 @@ def run_scene(scene_name: str, hand_source: str, configuration: Configuration, o
     frames = tuple(recording.frames(side))
     check_motion(str(hand_source), frames)
     placed = scene.placed_for(recording, side) if frames else scene.placed(None, None, side)
+    if placed.slow_notice is not None:
+        print(f"note: {placed.slow_notice}", file=sys.stderr, flush=True)
     plan = plan_of(placed, configuration, options)
     out = options.out or Path(f"{scene.name}-{time.strftime('%Y%m%d-%H%M%S')}.h5")
     for path in (out, options.rrd, options.picture):

@@ -1,0 +1,33 @@
+"""Meshes that people drew elsewhere: read, their units and axes questioned, mended with a note, and where they are open.
+
+What rooms that take meshes share; each then asks of a mesh what it needs itself.
+"""
+
+from haptics.meshes.cleaning import cleaned
+from haptics.meshes.files import FORMATS, LARGEST_TRIANGLES, check_arrays, read_triangles
+from haptics.meshes.fitting import Fit, best_fit
+from haptics.meshes.frame import AXES, UNITS, Kind, SizeFault, in_frame, size_fault
+from haptics.meshes.holes import capped, holes, holes_in_words
+from haptics.meshes.orientation import outward
+from haptics.meshes.winding import winding_number
+
+__all__ = [
+    "AXES",
+    "FORMATS",
+    "LARGEST_TRIANGLES",
+    "UNITS",
+    "Fit",
+    "Kind",
+    "SizeFault",
+    "best_fit",
+    "capped",
+    "check_arrays",
+    "cleaned",
+    "holes",
+    "holes_in_words",
+    "in_frame",
+    "outward",
+    "read_triangles",
+    "size_fault",
+    "winding_number",
+]

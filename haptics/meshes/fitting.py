@@ -1,0 +1,57 @@
+"""Which unit and which axis up lay drawn points onto a surface that they were drawn around."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from haptics.meshes.frame import AXES, UNITS, in_frame
+
+Floats = NDArray[np.float64]
+
+_POINTS = 300
+"""So many of the points are looked at."""
+_SHARE = 0.9
+"""Of them so many must lie near: a drawn thing may end away from the body."""
+
+
+@dataclass(frozen=True)
+class Fit:
+    """How points are taken, and how far from the surface most of them are then.
+
+    :param quarter_turns: about the vertical.
+    """
+
+    unit: str
+    up: str
+    quarter_turns: int
+    distance_m: float
+
+
+def best_fit(
+    points: Floats,
+    surface_m: Floats,
+    units: Iterable[str] = tuple(UNITS),
+    ups: Iterable[str] = AXES,
+    turns: Iterable[int] = (0, 1, 2, 3),
+) -> Fit:
+    """The nearest of all these ways to take the points, for a surface that is z up; the first of equals.
+
+    :param points: as in the file, ``(n, 3)``. :param surface_m: points of the surface, close to each other, ``(m, 3)``.
+    """
+    from scipy.spatial import KDTree
+
+    tree, some = KDTree(surface_m), points[:: max(1, len(points) // _POINTS)]
+    best = None
+    for unit in units:
+        for up in ups:
+            for quarter in turns:
+                distance, _ = tree.query(in_frame(some, UNITS[unit], up, "z", quarter))
+                found = Fit(unit, up, quarter, float(np.quantile(distance, _SHARE)))
+                if best is None or found.distance_m < best.distance_m:
+                    best = found
+    assert best is not None
+    return best

@@ -1,0 +1,96 @@
+"""A mesh's units and axes: how to bring them to ours, and whether its size says that they were others."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+UNITS = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048}
+"""Metres in each unit that a mesh may be drawn in."""
+WORDS = {"m": "metres", "dm": "decimetres", "cm": "centimetres", "mm": "millimetres", "in": "inches", "ft": "feet"}
+AXES = ("x", "y", "z")
+_RARER = {"m": 0.0, "dm": 0.15, "cm": 0.0, "mm": 0.0, "in": 0.15, "ft": 0.15}
+"""How much worse, in decades of size, a unit that few programs draw in must not be to be named all the same. Assumed."""
+
+
+@dataclass(frozen=True)
+class Kind:
+    """What a mesh is drawn as.
+
+    :param what: in words, with an article.
+    :param smallest_m, largest_m: what its largest side can be; assumed.
+    :param usual_m: what it is most often; decides between units.
+    :param cure: how a user names a unit, with ``{unit}`` and ``{scale}`` where they go.
+    """
+
+    what: str
+    smallest_m: float
+    largest_m: float
+    usual_m: float
+    cure: str
+
+    def has(self, extent_m: float) -> bool:
+        """Whether anything of the kind can be so large."""
+        return self.smallest_m <= extent_m <= self.largest_m
+
+
+@dataclass(frozen=True)
+class SizeFault:
+    """A size that nothing of its kind has.
+
+    :param seen: what is wrong, and what is allowed.
+    :param cure: the likeliest unit as a question, and how to name it; empty where no unit makes sense of it.
+    """
+
+    seen: str
+    cure: str
+
+    def __str__(self) -> str:
+        return f"{self.seen}; {self.cure}" if self.cure else self.seen
+
+
+def size_fault(vertices: Floats, kind: Kind, scale: float = 1.0) -> SizeFault | None:
+    """What is wrong with a mesh's size, if anything: its largest side, in metres, is not in the kind's range.
+
+    :param vertices: ``(v, 3)`` as in the file. :param scale: metres that a unit of it is taken for.
+    """
+    extent = float(np.ptp(vertices, axis=0).max())
+    if kind.has(extent * scale):
+        return None
+    seen = f"it is {extent * scale:g} m across; allowed: {kind.smallest_m:g} to {kind.largest_m:g} m, as {kind.what} is"
+    likely = [unit for unit in UNITS if unit != "m" and kind.has(extent * UNITS[unit])]
+    if not likely:
+        return SizeFault(seen, "")
+    unit = min(likely, key=lambda unit: abs(math.log10(extent * UNITS[unit] / kind.usual_m)) + _RARER[unit])
+    question = f"is it in {WORDS[unit]}? Then it is {extent * UNITS[unit]:.3g} m across: "
+    return SizeFault(seen, question + kind.cure.format(unit=unit, scale=f"{UNITS[unit]:g}"))
+
+
+_TURNS = {
+    ("z", "z"): ((0, 1), (1, 1), (2, 1)),
+    ("y", "z"): ((0, 1), (2, -1), (1, 1)),
+    ("x", "z"): ((2, -1), (1, 1), (0, 1)),
+    ("y", "y"): ((0, 1), (1, 1), (2, 1)),
+    ("z", "y"): ((0, 1), (2, 1), (1, -1)),
+    ("x", "y"): ((1, -1), (0, 1), (2, 1)),
+}
+"""Rotations by a quarter about a level axis, from an axis that points up to another: of each new coordinate, the old one and its sign."""
+
+
+def in_frame(vertices: Floats, scale: float = 1.0, up: str = "z", to: str = "z", quarter_turns: int = 0) -> Floats:
+    """The vertices in metres with the axis ``up`` of the file turned to our ``to``, then about it by quarters, ``(v, 3)``.
+
+    Nothing is rounded but by ``scale``: turned coordinates are the file's, exchanged.
+    """
+    turned = np.stack([sign * vertices[:, axis] for axis, sign in _TURNS[up, to]], axis=1) if up != to else vertices
+    vertical = AXES.index(to)
+    a, b = (vertical + 1) % 3, (vertical + 2) % 3
+    for _ in range(quarter_turns % 4):
+        turned = turned.copy()
+        turned[:, [a, b]] = np.stack([-turned[:, b], turned[:, a]], axis=1)
+    return turned * scale if scale != 1.0 else turned

@@ -1,0 +1,48 @@
+"""Holes of a surface: counted, named by their place, and closed by flat caps."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from haptics.meshes.edges import open_edges
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+_NAMED = 3
+"""So many holes are named by their place; the rest are counted."""
+
+
+def holes(triangles: Ints) -> list[Ints]:
+    """The open edges round each hole, ``(edges, 2)``, in their triangles' direction; the hole of most edges first."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    rim = open_edges(triangles)
+    if not len(rim):
+        return []
+    size = int(rim.max()) + 1
+    _, label = connected_components(coo_array((np.ones(len(rim)), (rim[:, 0], rim[:, 1])), shape=(size, size)), directed=False)
+    of_rim = label[rim[:, 0]]
+    return sorted((rim[of_rim == one] for one in np.unique(of_rim)), key=lambda edges: (-len(edges), int(edges.min())))
+
+
+def holes_in_words(vertices: Floats, found: list[Ints]) -> str:
+    """How many there are, with edges and place of the first."""
+    named = [f"{len(rim)} edges about {place(vertices[np.unique(rim)].mean(axis=0))}" for rim in found[:_NAMED]]
+    more = f" and {len(found) - _NAMED} more" if len(found) > _NAMED else ""
+    return f"{len(found)} hole{'s' * (len(found) > 1)} ({'; '.join(named)}{more})"
+
+
+def capped(vertices: Floats, triangles: Ints, found: list[Ints]) -> tuple[Floats, Ints]:
+    """The surface with a fan of triangles from the middle of each hole to its rim."""
+    middles = [vertices[np.unique(rim)].mean(axis=0) for rim in found]
+    fans = [
+        np.column_stack([rim[:, ::-1], np.full(len(rim), len(vertices) + number)]) for number, rim in enumerate(found)
+    ]  # against the rim's own triangles, as neighbours run
+    return np.vstack([vertices, *middles]), np.concatenate([triangles, *fans])
+
+
+def place(point: Floats) -> str:
+    return "(" + ", ".join(f"{value:.4g}" for value in point) + ")"
