@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, cast
@@ -27,7 +27,9 @@ Phenotype = Annotated[list[str] | None, typer.Option("--phenotype", help="NAME=V
 _LEVELS = "mesh: coarse (0.5k vertices), draft (1.8k), standard (7k), reference (28k)"
 Level = Annotated[str, typer.Option(help=_LEVELS)]
 OwnLevel = Annotated[str | None, typer.Option("--level", help=f"{_LEVELS} [default: draft; a mesh file's own]")]
-_GARMENTS = "sleeve, knee_sleeve, shirt, long_shirt, shorts, or a mesh drawn around the straight body: .obj .ply .stl, metres"
+_GARMENTS = "sleeve, knee_sleeve, shirt, long_shirt, shorts, or a mesh drawn around the straight body: .obj .ply .stl"
+Units = Annotated[str | None, typer.Option(help="of a mesh file: m, dm, cm, mm, in, ft [default: m]")]
+Up = Annotated[str | None, typer.Option(help="axis of a mesh file that points up: x, y, z [default: z]")]
 Angle = Annotated[float | None, typer.Option(help="angle of the motion from straight, deg [default: the motion's]")]
 Solver = Annotated[str | None, typer.Option(help="sparse solver (see `bodies`) [default: the fastest installed]")]
 Lame = Annotated[str, typer.Option(help="Lamé constants: plane (plane stress) or thesis (of a solid)")]
@@ -46,6 +48,8 @@ def design(
     phenotype: Phenotype = None,
     solver: Solver = None,
     lame: Lame = "plane",
+    units: Units = None,
+    up: Up = None,
     out: Annotated[Path | None, typer.Option(help="folder to write to [default: GARMENT-MOTION-TIME]")] = None,
     resume: Annotated[
         bool, typer.Option("--resume", help="go on with the designs in --out, or begin where there are none")
@@ -63,10 +67,11 @@ def design(
             "resume needs the folder to go on with, and does not begin anew; allowed: --resume --out DIR, without --force"
         )
     level = level or level_of(garment)
-    job = DesignJob(garment, motion, coverage, angle_deg, level, body, phenotype_of(phenotype), solver, cast(Any, lame))
+    worn_by = body, phenotype_of(phenotype)
+    job = DesignJob(garment, motion, coverage, angle_deg, level, *worn_by, solver, cast(Any, lame), units, up)
     folder = out or Path(f"{Path(garment).stem}-{motion}-{time.strftime('%Y%m%d-%H%M%S')}")
     with watched(coverage, silent=json) as (progress, say):
-        report = run_design(job, folder, resume, force, progress, say)
+        report = run_design(job, folder, resume, force, progress, say, _warn)
     data = report.to_json()
     if json:
         print_json(data)
@@ -89,6 +94,8 @@ def evaluate(
     body: Annotated[str | None, typer.Option(help="with a mask: the body [default: capsule]")] = None,
     phenotype: Phenotype = None,
     level: Annotated[str | None, typer.Option(help="with a mask: the mesh [default: draft; a mesh file's own]")] = None,
+    units: Annotated[str | None, typer.Option(help="of the mesh files given here: m, dm, cm, mm, in, ft [default: m]")] = None,
+    up: Annotated[str | None, typer.Option(help="axis of them that points up: x, y, z [default: z]")] = None,
     picture: Annotated[Path | None, typer.Option(help="also draw energy and torque by angle, PNG (extra `report`)")] = None,
     rrd: Annotated[Path | None, typer.Option(help="also write the motion for rerun (extra `view`)")] = None,
     force: Force = False,
@@ -99,6 +106,8 @@ def evaluate(
     from haptics.garments.design.design_job import DesignJob
     from haptics.garments.design.masks import MASKS
     from haptics.garments.evaluation import evaluate_design
+    from haptics.garments.garment import refuse_frame
+    from haptics.meshes import FORMATS
     from haptics.recording.output import refuse_existing
     from haptics.units import one_of
 
@@ -106,17 +115,22 @@ def evaluate(
         if path is not None:
             one_of(f"ending of {option} {path.name}", path.suffix.lower(), (ending,))
             refuse_existing(path, force)
+    meshes = [name for name in (str(design), against, garment) if name and Path(name).suffix.lower() in FORMATS]
+    if not meshes:
+        refuse_frame(against or str(design), units, up)
     job = None
     if design.suffix.lower() in MASKS:
         if garment is None or motion is None:
             raise InputError(f"{design} is a mask: it does not say what is worn; allowed: with --garment and --motion")
-        job = DesignJob(garment, motion, 1.0, angle_deg, level or level_of(garment), body or "capsule", phenotype_of(phenotype))
+        frame = (units, up) if garment in meshes else (None, None)
+        worn_by = body or "capsule", phenotype_of(phenotype), None, "plane"
+        job = DesignJob(garment, motion, 1.0, angle_deg, level or level_of(garment), *worn_by, *frame)
     elif garment or body or level or phenotype:
         raise InputError(
             f"{design} is no mask and says itself what is worn; allowed: --garment, --body, --phenotype, --level with a mask only"
         )
     with _busy("following the motion", silent=json):
-        found = evaluate_design(design, job, motion, angle_deg, against, steps, step, coverage)
+        found = evaluate_design(design, job, motion, angle_deg, against, steps, step, coverage, units, up, _warn)
         files = _evaluation_files(found, picture, rrd, force)
     if json:
         print_json(found.to_json() | {"files": [str(path) for path in files]})
@@ -173,13 +187,40 @@ def export(
         ("seam", "pieces", "on the body, cm", "on the pieces, cm"),
         ((s["number"], " to ".join(s["pieces"]), s["length_cm"], s["sides_cm"]) for s in data["seams"]),
     )
+    _show_notes(data["notes"])
     print_pairs("reinforcement", {"on the body, cm²": data["reinforced_cm2"], "to cut, cm²": data["cut_cm2"]})
     _show_files(data["files"])
 
 
 @app.command("bodies")
-def bodies(json: Json = False) -> None:
-    """List bodies, garments, motions, levels, materials and solvers: what there is, and how to get what there is not."""
+def bodies(
+    export: Annotated[Path | None, typer.Option(help="write a body as .obj, to draw a garment around (metres, z up)")] = None,
+    body: Annotated[str | None, typer.Option(help="with --export: capsule, or anny (extra `body`) [default: capsule]")] = None,
+    phenotype: Phenotype = None,
+    motion: Annotated[str | None, typer.Option(help="with --export: put at the angle of a motion [default: straight]")] = None,
+    angle_deg: Angle = None,
+    force: Force = False,
+    json: Json = False,
+) -> None:
+    """List bodies, garments, motions, levels, materials and solvers; or write a body to draw around."""
+    from haptics.errors import InputError
+
+    if export is not None:
+        from haptics.garments.bodies import open_body
+        from haptics.garments.export import export_body
+
+        data = export_body(open_body(body or "capsule", phenotype_of(phenotype)), export, motion, angle_deg, force)
+        if json:
+            print_json(data)
+        else:
+            print_pairs(
+                f"body {data['body']}", {key: data[key] for key in ("pose", "units", "up", "faces", "vertices", "triangles")}
+            )
+            _show_notes(data["notes"])
+            _show_files(data["files"])
+        return
+    if body or phenotype or motion or angle_deg is not None:
+        raise InputError("--body, --phenotype, --motion and --angle-deg say which body is written; allowed: with --export only")
     from haptics.garments.catalogue import catalogue
 
     found = catalogue()
@@ -284,10 +325,9 @@ def watched(coverage: float, silent: bool) -> Iterator[tuple[Progress | None, Ca
     from rich.console import Console
     from rich.progress import BarColumn, Progress as Bar, TextColumn, TimeElapsedColumn
 
-    from haptics.garments.design.topology import BesoParameters
+    from haptics.garments.design.topology import steps_about
 
-    beso = BesoParameters()
-    about = math.ceil(math.log(coverage) / math.log(1 - beso.evolution_rate)) + 2 * int(beso.settled_steps)
+    about = steps_about(coverage)
     columns = (TextColumn("step {task.completed:.0f} of about {task.total:.0f}"), BarColumn(), TextColumn("{task.description}"))
     with Bar(*columns, TimeElapsedColumn(), console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task("", total=about)
@@ -297,6 +337,11 @@ def watched(coverage: float, silent: bool) -> Iterator[tuple[Progress | None, Ca
             bar.update(task, completed=number + 1, total=max(about, number + 1), description=what)
 
         yield progress, lambda what: bar.update(task, description=what)
+
+
+def _warn(what: str) -> None:
+    """Said before it takes long, to a person as to a program's log: the answer on standard output comes only after it."""
+    print(f"note: {what}", file=sys.stderr, flush=True)
 
 
 def _busy(what: str, silent: bool) -> AbstractContextManager[Any]:
@@ -337,8 +382,7 @@ def _show_design(data: dict[str, Any]) -> None:
     )
     for fault in data["faults"]:
         print(f"fault: {fault}")
-    for note in data["notes"]:
-        print(f"note: {note}")
+    _show_notes(data["notes"])
     _show_files(data["files"])
 
 
@@ -362,6 +406,7 @@ def _show_evaluation(found: Evaluation, files: list[Path]) -> None:
         for angle, state in zip(r.motion.angles_deg, r.motion.equilibria, strict=True):
             if not state.converged:
                 print(f"fault: {r.name} at {angle:g} deg: no equilibrium, {state.residual_n:.2g} N are left over")
+    _show_notes(found.notes)
     if files:
         _show_files([str(path) for path in files])
 
@@ -379,6 +424,11 @@ def _evaluation_files(found: Evaluation, picture: Path | None, rrd: Path | None,
 
         files.append(write_motion_rrd(found.worn, found.rated.motion, rrd, force))
     return files
+
+
+def _show_notes(notes: Iterable[str]) -> None:
+    for note in notes:
+        print(f"note: {note}")
 
 
 def _show_files(files: list[str]) -> None:

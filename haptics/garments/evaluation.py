@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from haptics.errors import InputError, LimitError
-from haptics.garments.design.design_job import DesignJob, open_designs, put_on
+from haptics.garments.design.design_job import DesignJob, open_designs, put_on, slow_notice
 from haptics.garments.design.drawn import SHAPES, best_drawn
 from haptics.garments.design.masks import MASKS, read_mask, with_coverage
 from haptics.garments.design.rating import Densities, Unconverged, coverage_of, solved
@@ -58,12 +58,14 @@ class Evaluation:
     """A design, and what it was compared with.
 
     :param settings: garment, motion, angle, body, level.
+    :param notes: what was mended of meshes, and what they cost.
     """
 
     settings: Mapping[str, Any]
     worn: WornMotion
     rated: Rated
     against: Rated | None
+    notes: tuple[str, ...] = ()
 
     @property
     def converged(self) -> bool:
@@ -73,7 +75,7 @@ class Evaluation:
     def to_json(self) -> dict[str, Any]:
         """Plain data."""
         against = None if self.against is None else self.against.to_json()
-        return {**self.settings, **self.rated.to_json(), "against": against}
+        return {**self.settings, **self.rated.to_json(), "against": against, "notes": list(self.notes)}
 
 
 def evaluate_design(
@@ -85,6 +87,9 @@ def evaluate_design(
     steps: int = ANGLES,
     step: int | None = None,
     coverage: float | None = None,
+    units: str | None = None,
+    up: str | None = None,
+    warn: Callable[[str], None] | None = None,
 ) -> Evaluation:
     """Rate a design over a motion.
 
@@ -94,6 +99,8 @@ def evaluate_design(
     :param against: ``line``, ``x`` or a mask, drawn with the same area.
     :param steps: parts of the motion, 1 to 1000.
     :param step, coverage: which design of the sequence, the one asked for if None; for a mask, ``coverage`` grows or trims it.
+    :param units, up: of the masks that are meshes, as ``read_mesh`` takes them; the garment's are the job's, or the sequence's.
+    :param warn: called, before anything takes long, with what will.
     :raises InputError: a file, name or number that is not allowed.
     :raises LimitError: no equilibrium at the end of the motion, so that nothing can be rated.
     """
@@ -107,7 +114,8 @@ def evaluate_design(
         if step is not None:
             raise InputError(f"step = {step}: {path} is a mask, one design; allowed: a step of a sequence only")
         worn = put_on(job)
-        design, name = _mask(worn, path, coverage), path.name
+        notes = list(worn.garment.notes)
+        design, name = _mask(worn, path, coverage, units, up, notes), path.name
         settings = {"garment": job.garment, "motion": job.motion, "body": job.body, "phenotype": dict(job.phenotype)}
         settings["level"] = job.level
     else:
@@ -116,6 +124,7 @@ def evaluate_design(
                 f"{path} is no mask, so that it says itself what is worn; allowed: garment and body with a mask only"
             )
         kept = open_designs(path, motion, angle_deg)
+        notes = list(kept.worn.garment.notes)
         number, chosen = kept.step(step, coverage)
         worn, design, name = kept.worn, chosen.design, f"step {number}"
         settings = {key: kept.settings[key] for key in ("garment", "body", "phenotype", "level")} | {
@@ -123,12 +132,17 @@ def evaluate_design(
             "step": number,
         }
     settings |= {"angle_deg": worn.angle_deg, "solver": worn.simulation.solver_name}
+    slow = slow_notice(worn, 2 + steps, "equilibria")
+    if slow is not None:
+        notes.append(slow)
+        if warn is not None:
+            warn(slow)
     try:
         rated = _rated(worn, name, design, steps)
-        other = None if against is None else _opponent(worn, against, rated.coverage, steps)
+        other = None if against is None else _opponent(worn, against, rated.coverage, steps, units, up, notes)
     except Unconverged as error:
         raise LimitError(f"{path}: {error}") from error
-    return Evaluation(settings, worn, rated, other)
+    return Evaluation(settings, worn, rated, other, tuple(notes))
 
 
 def _rated(worn: WornMotion, name: str, design: Bools, steps: int, place: str = "") -> Rated:
@@ -141,12 +155,14 @@ def _rated(worn: WornMotion, name: str, design: Bools, steps: int, place: str = 
     return Rated(name, design, coverage_of(cloth, design), ratio.reinforced_j_m2, ratio.eq65_j_m2, motion, place)
 
 
-def _opponent(worn: WornMotion, against: str, coverage: float, steps: int) -> Rated:
+def _opponent(
+    worn: WornMotion, against: str, coverage: float, steps: int, units: str | None, up: str | None, notes: list[str]
+) -> Rated:
     if against in SHAPES:
         best = best_drawn(worn.simulation, against, coverage)
         return _rated(worn, against, best.design, steps, best.place)
     path = Path(against)
-    return _rated(worn, path.name, _mask(worn, path, coverage), steps)
+    return _rated(worn, path.name, _mask(worn, path, coverage, units, up, notes), steps)
 
 
 def _is_mask(path: Path, allowed: str) -> None:
@@ -154,7 +170,7 @@ def _is_mask(path: Path, allowed: str) -> None:
         raise InputError(f"{path}: no such design; allowed: {allowed}, a file that ends in {', '.join(MASKS)}")
 
 
-def _mask(worn: WornMotion, path: Path, coverage: float | None) -> Bools:
+def _mask(worn: WornMotion, path: Path, coverage: float | None, units: str | None, up: str | None, notes: list[str]) -> Bools:
     rest = worn.simulation.rest.at(worn.garment.on(worn.body.straight_m))
-    mask = read_mask(path, rest)
+    mask = read_mask(path, rest, units=units, up=up, note=notes.append)
     return mask if coverage is None else with_coverage(mask, rest, worn.simulation.designable, coverage)

@@ -1,4 +1,4 @@
-"""A design as files: patterns for the cutter, meshes for everything else."""
+"""Designs as files: patterns for the cutter, meshes for everything else; and bodies, to draw around."""
 
 from __future__ import annotations
 
@@ -7,11 +7,14 @@ from pathlib import Path
 from typing import Any
 
 from haptics.errors import InputError
+from haptics.garments.bodies import MOTIONS, STRAIGHT, Body
 from haptics.garments.design.design_job import KeptDesigns
 from haptics.garments.design.rating import solved
-from haptics.garments.mesh_files import write_obj, write_ply
+from haptics.garments.mesh import SurfaceMesh
+from haptics.garments.mesh_files import write_obj, write_ply, write_surface
 from haptics.garments.pattern import Pattern, PatternOptions, make_pattern, write_pattern
 from haptics.recording.output import refuse_existing
+from haptics.units import one_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,6 +25,7 @@ class Export:
     coverage: float
     pattern: Pattern
     files: tuple[Path, ...]
+    notes: tuple[str, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
         """Plain data: pieces with their areas and distortion, seams with their lengths."""
@@ -52,8 +56,36 @@ class Export:
             "reinforced_cm2": 1e4 * pattern.reinforced_area_m2,
             "cut_cm2": 1e4 * pattern.cut_area_m2,
             "flat_area_ratio": pattern.flat_area_ratio,
+            "notes": list(self.notes),
             "files": [str(path) for path in self.files],
         }
+
+
+def export_body(
+    body: Body, path: Path, motion: str | None = None, angle_deg: float | None = None, force: bool = False
+) -> dict[str, Any]:
+    """Write a body's skin as OBJ, in metres, z up, facing -y: what a garment can be drawn around.
+
+    :param motion: put it at this angle of a motion; None: straight, as a garment's mesh is laid on.
+    :param angle_deg: of the motion; None: its default.
+    :return: what was written, as plain data.
+    :raises InputError: another suffix, a file that exists and is not forced, no such folder, an unknown motion, an angle that it
+        does not reach or that has no motion.
+    """
+    if motion is None and angle_deg is not None:
+        raise InputError(f"angle_deg = {angle_deg:g} has no motion; allowed: with a motion")
+    pose, posture, notes = STRAIGHT, "straight", []
+    if motion is not None:
+        chosen = MOTIONS[one_of("motion", motion, tuple(MOTIONS))]
+        angle_deg = chosen.checked_deg(angle_deg)
+        pose, posture = chosen.pose(angle_deg), f"{motion} by {angle_deg:g} degrees"
+        notes.append("to look at only: a garment is drawn around the straight body, without --motion")
+    mesh = SurfaceMesh(body.posed_m(pose), body.triangles, body.name)
+    write_surface(mesh, f"body {body.name}, {posture}; metres, z up, facing -y, its left at +x", path, force)
+    return {
+        **{"body": body.name, "pose": posture, "units": "m", "up": "z", "faces": "-y"},
+        **{"vertices": len(mesh.vertices_m), "triangles": len(mesh.triangles), "notes": notes, "files": [str(path)]},
+    }
 
 
 def export_design(
@@ -92,4 +124,4 @@ def export_design(
     files = write_pattern(pattern, out, stem, force)
     files += write_obj(sim.rest, chosen.design, out / f"{stem}.obj", force)
     files += write_ply(sim.rest.at(state.positions_m), chosen.design, state.element_energy_j, out / f"{stem}.ply", force)
-    return Export(number, chosen.coverage, pattern, tuple(files))
+    return Export(number, chosen.coverage, pattern, tuple(files), kept.worn.garment.notes)

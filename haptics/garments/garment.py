@@ -5,6 +5,7 @@ A garment's vertices are mixtures of the body's vertices, so that a posed body c
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -16,7 +17,8 @@ from haptics.garments.cut.coarsening import anchored, coarsened
 from haptics.garments.cut.cutting import cut_out, largest_piece, openings
 from haptics.garments.cut.subdivision import Sparse, loop
 from haptics.garments.mesh import Bools, Floats, Ints, SurfaceMesh, checked_mesh
-from haptics.garments.mesh_files import FORMATS, read_mesh
+from haptics.garments.mesh_files import read_mesh
+from haptics.meshes import FORMATS
 from haptics.units import one_of
 
 LEVELS = {"coarse": 500, "draft": 1800, "standard": 7000, "reference": 28000}
@@ -46,6 +48,7 @@ class Garment:
     :param weights: ``(vertices, body vertices)``, rows sum to 1.
     :param attached: triangles that elastics or straps hold to the body (thesis 5.4.3): a band at each opening.
     :param designable: triangles that may be reinforced. All: reinforcement may end in a band.
+    :param notes: what was mended of a mesh that it comes from.
     """
 
     name: str
@@ -54,6 +57,7 @@ class Garment:
     weights: Sparse
     attached: Bools
     designable: Bools
+    notes: tuple[str, ...] = ()
 
     def on(self, body_vertices_m: Floats) -> Floats:
         """Where the garment's vertices lie on the body in a pose, ``(vertices, 3)``."""
@@ -77,17 +81,28 @@ def mesh_of(garment: str) -> Path | None:
     return path
 
 
-def open_garment(body: Body, name: str, level: str) -> Garment:
+def open_garment(body: Body, name: str, level: str, units: str | None = None, up: str | None = None) -> Garment:
     """A garment by name, as ``cut_garment``, or from a mesh file around the straight body, as ``garment_from_mesh``.
 
     :param level: one of ``LEVELS``; ``OWN`` for a mesh.
+    :param units, up: of a mesh, as ``read_mesh`` takes them.
     :raises InputError: a name, a file or a level that is not allowed.
     """
     path = mesh_of(name)
     if path is None:
+        refuse_frame(name, units, up)
         return cut_garment(body, name, level)
     one_of("level of a garment from a mesh", level, (OWN,))
-    return replace(garment_from_mesh(body, read_mesh(path)), name=path.stem)
+    notes: list[str] = []
+    mesh = read_mesh(path, units=units, up=up, around_m=body.straight_m, note=notes.append)
+    mesh = _facing_outward(body, mesh, lambda what: notes.append(f"{path.name}: {what}"))
+    return replace(garment_from_mesh(body, mesh), name=path.stem, notes=tuple(notes))
+
+
+def refuse_frame(garment: str, units: str | None, up: str | None) -> None:
+    """:raises InputError: units or an axis of something that is no mesh."""
+    if units is not None or up is not None:
+        raise InputError(f"units = {units!r}, up = {up!r}: {garment!r} is no mesh; allowed: with a mesh file only")
 
 
 def cut_garment(body: Body, name: str, level: str = "draft") -> Garment:
@@ -129,11 +144,12 @@ def garment_from_mesh(body: Body, mesh: SurfaceMesh, attached: Bools | None = No
         place = "({:.3f}, {:.3f}, {:.3f}) m".format(*checked.vertices_m[far])
         raise InputError(
             f"{mesh.name}: vertex {far} at {place} is {distance[far]:.3f} m from body {body.name}; "
-            f"allowed: at most {farthest_m:g} m"
+            f"allowed: at most {farthest_m:g} m, drawn around what `haptics garment bodies --export body.obj` writes"
         )
     if attached is None and not len(checked.boundary_edges):
         raise InputError(
-            f"{mesh.name}: it has no opening to be attached at; allowed: a mesh with a boundary, or a given attachment"
+            f"{mesh.name}: it has no opening to be attached at; "
+            "allowed: one sheet with a boundary, not a solid, or a given attachment"
         )
     held = _bands(checked) if attached is None else np.asarray(attached, dtype=bool)
     if held.shape != (len(checked.triangles),):
@@ -150,13 +166,14 @@ def _refuse_pieces(mesh: SurfaceMesh) -> None:
         other = int(np.setdiff1d(mesh.triangles, piece)[0])
         place = "({:.3f}, {:.3f}, {:.3f}) m".format(*mesh.vertices_m[other])
         raise InputError(
-            f"{mesh.name}: vertex {other} at {place} is not joined to the rest; allowed: one piece, with the cloth between too"
+            f"{mesh.name}: vertex {other} at {place} is not joined to the rest; "
+            "allowed: one piece in one layer, with the cloth between too"
         )
 
 
 def _refuse_inside_out(mesh: SurfaceMesh, on_skin: SurfaceMesh, outward: Floats) -> None:
     """Neighbours are turned alike already, so that all triangles face outward or none does."""
-    faces = np.einsum("ij,ij->i", on_skin.cross_m2, outward[mesh.triangles].mean(axis=1))
+    faces = _outward_m2(on_skin, outward)
     if faces.sum() < 0:
         first = int(faces.argmin())
         place = "({:.3f}, {:.3f}, {:.3f}) m".format(*mesh.centres_m[first])
@@ -164,6 +181,20 @@ def _refuse_inside_out(mesh: SurfaceMesh, on_skin: SurfaceMesh, outward: Floats)
             f"{mesh.name}: it is inside out, triangle {first} at {place} faces the body; "
             "allowed: all triangles anticlockwise seen from outside"
         )
+
+
+def _facing_outward(body: Body, mesh: SurfaceMesh, note: Callable[[str], None]) -> SurfaceMesh:
+    weights, _ = anchored(mesh.vertices_m, body.straight_m, body.triangles)
+    normals = weights @ SurfaceMesh(body.straight_m, body.triangles).vertex_normals
+    if _outward_m2(mesh.at(weights @ body.straight_m), normals).sum() >= 0:
+        return mesh
+    note(f"it was inside out: all {len(mesh.triangles)} triangles turned")
+    return SurfaceMesh(mesh.vertices_m, np.ascontiguousarray(mesh.triangles[:, ::-1]), mesh.name)
+
+
+def _outward_m2(on_skin: SurfaceMesh, outward: Floats) -> Floats:
+    """How far each triangle on the skin faces as the skin does, by twice its area."""
+    return np.einsum("ij,ij->i", on_skin.cross_m2, outward[on_skin.triangles].mean(axis=1))
 
 
 def _covered(body: Body, name: str) -> Floats:

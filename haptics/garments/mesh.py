@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from haptics.errors import InputError
+from haptics.meshes import Kind, size_fault
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -20,8 +21,8 @@ Bools = NDArray[np.bool_]
 
 SMALLEST_AREA_M2 = 1e-12
 """A triangle below this is degenerate: 1 um on a side."""
-SMALLEST_EXTENT_M, LARGEST_EXTENT_M = 0.01, 5.0
-"""A garment or a body outside this was not given in metres."""
+WORN = Kind("a garment or a body", 0.01, 2.5, 0.6, "say --units {unit}, or units = '{unit}' in Python")
+"""A garment or a body of another size was not given in metres."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,12 +121,9 @@ def _finite_and_in_metres(mesh: SurfaceMesh) -> None:
     bad = np.flatnonzero(~np.isfinite(mesh.vertices_m).all(axis=1))
     if len(bad):
         raise InputError(f"{mesh.name}: vertex {bad[0]} is {mesh.vertices_m[bad[0]].tolist()}; allowed: finite numbers")
-    extent = float(np.ptp(mesh.vertices_m, axis=0).max())
-    if not SMALLEST_EXTENT_M <= extent <= LARGEST_EXTENT_M:
-        hint = "; is it in millimetres?" if extent > LARGEST_EXTENT_M else ""
-        raise InputError(
-            f"{mesh.name}: it is {extent:g} m across; allowed: {SMALLEST_EXTENT_M:g} to {LARGEST_EXTENT_M:g} m{hint}"
-        )
+    fault = size_fault(mesh.vertices_m, WORN)
+    if fault is not None:
+        raise InputError(f"{mesh.name}: {fault}")
 
 
 def _corners_exist(mesh: SurfaceMesh) -> None:

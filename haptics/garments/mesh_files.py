@@ -1,83 +1,104 @@
-"""Garments and bodies as mesh files: read in metres and checked; written with the design and the energy for any viewer."""
+"""Garments and bodies as mesh files: read, mended and checked; written with the design and the energy for any viewer."""
 
 from __future__ import annotations
 
-from itertools import pairwise
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
 from haptics.errors import InputError
-from haptics.garments.mesh import Bools, Floats, Ints, SurfaceMesh, checked_mesh
+from haptics.garments.mesh import SMALLEST_AREA_M2, WORN, Bools, Floats, Ints, SurfaceMesh, checked_mesh
+from haptics.meshes import AXES, UNITS, WORDS, best_fit, cleaned, in_frame, read_triangles, size_fault
 from haptics.recording.output import refuse_existing, replacing
 from haptics.units import one_of
 
-FORMATS = (".obj", ".ply", ".stl")
+NEAR_M = 0.04
+"""Most of a garment lies so near to points of the body it was drawn around: 3 cm, and half the space between these points."""
 LOWEST_COLOUR, HIGHEST_COLOUR = np.array([68, 1, 84]), np.array([253, 231, 37])
 """Vertex colours for no energy and for the most: dark violet to yellow, readable in grey and by the colour-blind."""
 BRIGHTEST = 0.98
 """This quantile of the energy density, and all above, has the highest colour: a few triangles would else take all contrast."""
 
 
-def read_mesh(path: Path, closed: bool = False) -> SurfaceMesh:
-    """A mesh from an OBJ, PLY or STL file, coordinates in metres.
+def read_mesh(
+    path: Path,
+    closed: bool = False,
+    units: str | None = None,
+    up: str | None = None,
+    around_m: Floats | None = None,
+    note: Callable[[str], None] | None = None,
+) -> SurfaceMesh:
+    """A mesh from an OBJ, PLY or STL file, mended (see ``meshes.cleaned``), in metres and z up.
 
     :param closed: it must bound a volume.
-    :raises InputError: no such file, another format, unreadable, trimesh missing, or a fault that ``checked_mesh`` finds.
+    :param units: of the file, one of ``meshes.UNITS``; None: metres. :param up: the file's axis that points up; None: z.
+    :param around_m: points of what it was drawn around, ``(n, 3)``. They say which units and axes it must have been; where
+        ``up`` is given, they also say how it stands about that axis.
+    :param note: called with each mending, in words.
+    :raises InputError: a file that cannot be read, units or axes other than said, or a fault that ``checked_mesh`` finds.
         Messages give the line of an OBJ file, and else the vertex or triangle (from 0).
     """
-    path = Path(path)
-    one_of(f"type of mesh file {path.name}", path.suffix.lower(), FORMATS)
-    if not path.is_file():
-        raise InputError(f"{path} is not a file; allowed: a mesh as {', '.join(FORMATS)}")
-    vertices, triangles = _read_obj(path) if path.suffix.lower() == ".obj" else _read_by_trimesh(path)
+    path, say = Path(path), note or (lambda what: None)
+    if units is not None:
+        one_of("units", units, tuple(UNITS))
+    if up is not None:
+        one_of("up", up, AXES)
+    vertices, triangles = read_triangles(path, extra="garment")
+    used = vertices[np.unique(triangles)]
+    quarters = 0 if around_m is None else _quarters(path, used, units, up, around_m, say)
+    fault = size_fault(used, WORN, UNITS[units or "m"])
+    if fault is not None:
+        raise InputError(f"{path}: {fault if units is None else fault.seen}")
+    vertices = in_frame(vertices, UNITS[units or "m"], up or "z", "z", quarters)
+    vertices, triangles, mended = cleaned(vertices, triangles, SMALLEST_AREA_M2)
+    for what in mended:
+        say(f"{path.name}: {what}")
     return checked_mesh(vertices, triangles, str(path), closed)
 
 
-def _read_by_trimesh(path: Path) -> tuple[Floats, Ints]:
-    try:
-        import trimesh
-    except ImportError as error:
-        raise InputError(f"{path} needs trimesh to be read; install it with: pip install 'wearable-haptics[garment]'") from error
-    try:
-        with path.open("rb") as file:
-            found = trimesh.load_mesh(file, file_type=path.suffix[1:].lower(), process=False)
-        vertices, triangles = np.asarray(found.vertices, float), np.asarray(found.faces, np.int64)
-    except Exception as error:  # the reader has no error type of its own: whatever it raises, the file is broken
-        raise InputError(f"{path} cannot be read as {path.suffix[1:].upper()}: {error}") from error
-    if path.suffix.lower() == ".stl":  # every triangle has its own corners there
-        vertices, number = np.unique(vertices, axis=0, return_inverse=True)
-        triangles = number.ravel()[triangles]
-    return vertices, triangles
+def _quarters(path: Path, points: Floats, units: str | None, up: str | None, around_m: Floats, say: Callable[[str], None]) -> int:
+    """Quarter turns about the vertical; with ``up`` given those that fit, as which way a drawing faces has no key of its own.
+
+    :raises InputError: other units or axes fit, and these do not.
+    """
+    unit, axis = units or "m", up or "z"
+    said = best_fit(points, around_m, (unit,), (axis,), (0,))
+    if said.distance_m <= NEAR_M:
+        return 0
+    if up is not None:
+        said = best_fit(points, around_m, (unit,), (axis,))
+        if said.distance_m <= NEAR_M:
+            say(f"{path.name}: turned by {90 * said.quarter_turns} degrees about the vertical, to lie on the body")
+            return said.quarter_turns
+    found = best_fit(points, around_m)
+    if found.distance_m > NEAR_M:
+        return 0
+    seen, cure = [], []
+    if found.unit != unit:
+        across_m = UNITS[unit] * float(np.ptp(points, axis=0).max())
+        seen.append(f"it is {across_m:.4g} m across; drawn in {WORDS[found.unit]} it lies on the body")
+    if found.up != axis:
+        seen.append(f"it looks {found.up} up; this body is z up" + ("" if up is None else f", and {up} was said to be"))
+    elif found.quarter_turns:
+        seen.append("it is turned about the vertical; this body faces -y")
+    if found.unit != unit or units is not None:
+        cure.append(f"--units {found.unit}")
+    if found.up != axis or found.quarter_turns or up is not None:
+        cure.append(f"--up {found.up}")
+    raise InputError(f"{path}: {'; '.join(seen)}; allowed: as it was drawn, with {' '.join(cure)}")
 
 
-def _read_obj(path: Path) -> tuple[Floats, Ints]:
-    """Positions and faces only, polygons fanned: general readers part the mesh where groups, materials or textures meet."""
-    vertices: list[list[float]] = []
-    faces: list[tuple[int, str, list[int]]] = []
-    for number, line in enumerate(path.read_text(encoding="utf-8", errors="replace").splitlines(), start=1):
-        words = line.split("#")[0].split()
-        try:
-            if words[:1] == ["v"]:
-                vertices.append([float(word) for word in words[1:4]])
-                if len(vertices[-1]) != 3 or not np.isfinite(vertices[-1]).all():
-                    raise ValueError
-            elif words[:1] == ["f"]:
-                corners = [int(word.split("/")[0]) for word in words[1:]]
-                # Negative numbers count back from the last vertex so far.
-                faces.append((number, line, [corner - 1 if corner > 0 else len(vertices) + corner for corner in corners]))
-                if len(corners) < 3 or 0 in corners:
-                    raise ValueError
-        except ValueError as error:
-            allowed = (
-                "v and three finite coordinates in metres" if words[0] == "v" else "f and at least three vertex numbers, from 1"
-            )
-            raise InputError(f"{path}, line {number}: {line.strip()!r}; allowed: {allowed}") from error
-    for number, line, corners in faces:
-        if not all(0 <= corner < len(vertices) for corner in corners):
-            raise InputError(f"{path}, line {number}: {line.strip()!r}; allowed: vertices 1 to {len(vertices)}")
-    fans = [(corners[0], *pair) for _, _, corners in faces for pair in pairwise(corners[1:])]
-    return np.array(vertices).reshape(-1, 3), np.array(fans, np.int64).reshape(-1, 3)
+def write_surface(mesh: SurfaceMesh, comment: str, path: Path, force: bool = False) -> None:
+    """A plain OBJ file under a comment.
+
+    :raises InputError: another suffix, a file that exists and is not forced, or no such folder.
+    """
+    one_of(f"suffix of {path.name}", path.suffix.lower(), (".obj",))
+    lines = [f"# {comment}; {len(mesh.vertices_m)} vertices, {len(mesh.triangles)} triangles", *_vertex_lines(mesh)]
+    lines += ["f {} {} {}".format(*corners) for corners in (mesh.triangles + 1).tolist()]
+    with replacing(path, force) as partial:
+        partial.write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
 
 
 def write_obj(mesh: SurfaceMesh, design: Bools, path: Path, force: bool = False) -> list[Path]:
@@ -91,7 +112,7 @@ def write_obj(mesh: SurfaceMesh, design: Bools, path: Path, force: bool = False)
     for target in (path, materials):
         refuse_existing(target, force)
     lines = [f"# metres; {len(mesh.vertices_m)} vertices, {len(mesh.triangles)} triangles", f"mtllib {materials.name}"]
-    lines += ["v {!r} {!r} {!r}".format(*vertex) for vertex in mesh.vertices_m.tolist()]
+    lines += _vertex_lines(mesh)
     for name, where in (("cloth", ~design), ("reinforcement", design)):
         lines += [
             f"g {name}",
@@ -136,6 +157,10 @@ def write_ply(mesh: SurfaceMesh, design: Bools, energy_j: Floats, path: Path, fo
     with replacing(path, force) as partial:
         partial.write_bytes("\n".join(header).encode() + b"\n" + vertex.tobytes() + face.tobytes())
     return [path]
+
+
+def _vertex_lines(mesh: SurfaceMesh) -> list[str]:
+    return ["v {!r} {!r} {!r}".format(*vertex) for vertex in mesh.vertices_m.tolist()]
 
 
 _COLOURS = ("red", "green", "blue")

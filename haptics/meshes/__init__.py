@@ -6,7 +6,7 @@ What rooms that take meshes share; each then asks of a mesh what it needs itself
 from haptics.meshes.cleaning import cleaned
 from haptics.meshes.files import FORMATS, LARGEST_TRIANGLES, check_arrays, read_triangles
 from haptics.meshes.fitting import Fit, best_fit
-from haptics.meshes.frame import AXES, UNITS, Kind, SizeFault, in_frame, size_fault
+from haptics.meshes.frame import AXES, UNITS, WORDS, Kind, SizeFault, in_frame, size_fault
 from haptics.meshes.holes import capped, holes, holes_in_words
 from haptics.meshes.orientation import outward
 from haptics.meshes.winding import winding_number
@@ -16,6 +16,7 @@ __all__ = [
     "FORMATS",
     "LARGEST_TRIANGLES",
     "UNITS",
+    "WORDS",
     "Fit",
     "Kind",
     "SizeFault",

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -84,7 +85,7 @@ def _read_by_trimesh(path: Path, extra: str) -> tuple[Floats, Ints]:
         ) from error
     try:
         with path.open("rb") as file:
-            found = trimesh.load(file, file_type=path.suffix[1:].lower(), process=False)
+            found: Any = trimesh.load(file, file_type=path.suffix[1:].lower(), process=False)
         faces = getattr(found, "faces", np.zeros((0, 3)))  # a cloud of points has none
         vertices, triangles = np.asarray(found.vertices, float), np.asarray(faces, np.int64)
     except Exception as error:  # the reader has no error type of its own: whatever it raises, the file is broken

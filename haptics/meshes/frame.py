@@ -79,7 +79,7 @@ _TURNS = {
     ("z", "y"): ((0, 1), (2, 1), (1, -1)),
     ("x", "y"): ((1, -1), (0, 1), (2, 1)),
 }
-"""Rotations by a quarter about a level axis, from an axis that points up to another: of each new coordinate, the old one and its sign."""
+"""Quarter turns from an axis that points up to another: of each new coordinate, the old one and its sign."""
 
 
 def in_frame(vertices: Floats, scale: float = 1.0, up: str = "z", to: str = "z", quarter_turns: int = 0) -> Floats:

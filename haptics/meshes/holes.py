@@ -25,7 +25,9 @@ def holes(triangles: Ints) -> list[Ints]:
     size = int(rim.max()) + 1
     _, label = connected_components(coo_array((np.ones(len(rim)), (rim[:, 0], rim[:, 1])), shape=(size, size)), directed=False)
     of_rim = label[rim[:, 0]]
-    return sorted((rim[of_rim == one] for one in np.unique(of_rim)), key=lambda edges: (-len(edges), int(edges.min())))
+    order = np.argsort(of_rim, kind="stable")
+    found = np.split(rim[order], np.flatnonzero(np.diff(of_rim[order])) + 1)
+    return sorted(found, key=lambda edges: (-len(edges), int(edges.min())))
 
 
 def holes_in_words(vertices: Floats, found: list[Ints]) -> str:

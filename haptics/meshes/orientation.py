@@ -34,34 +34,40 @@ def consistent(triangles: Ints) -> tuple[Ints, int]:
     in_half = np.bincount(half, piece, minlength=2 * count)
     in_other = np.bincount(half, ~piece, minlength=2 * count)
     turn = np.where(in_half[half] >= in_other[half], ~piece, piece) & (kept != turned)
-    return _turned(triangles, turn), int(turn.sum())
+    return np.where(turn[:, None], triangles[:, ::-1], triangles), int(turn.sum())
 
 
 def outward(vertices: Floats, triangles: Ints) -> tuple[Ints, int]:
     """A closed surface facing outward, and how many triangles were turned.
 
-    Turned are the whole where its volume is negative, and then each piece that is inside out by itself, unless it lies within
-    others: that is a cavity.
+    A piece that is inside out is turned with all that lies within it; what lies within others is otherwise left as it is, since
+    a cavity faces its middle.
     """
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
-    corners = vertices[triangles]
+    corners, pairs = vertices[triangles], neighbours(triangles)
     volume = np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2]))
-    turn = np.full(len(triangles), volume.sum() < 0.0)
-    volume = np.where(turn, -volume, volume)
-    pairs = neighbours(triangles)
     graph = coo_array((np.ones(len(pairs.one)), (pairs.one, pairs.other)), shape=(len(triangles), len(triangles)))
     pieces, piece = connected_components(graph, directed=False)
-    inside_out = np.flatnonzero(np.bincount(piece, volume, minlength=pieces) < 0.0)
-    others = ~np.isin(piece, inside_out)
-    facing = np.where(turn[:, None, None], corners[:, ::-1], corners)
-    for one in inside_out:
-        point = corners[piece == one][0, 0][None]
-        if winding_number(point, facing[others])[0] < 0.5:
-            turn ^= piece == one
-    return _turned(triangles, turn), int(turn.sum())
+    inside_out = np.bincount(piece, volume, minlength=pieces) < 0.0
+    if not inside_out.any():
+        return triangles, 0
+    order = np.argsort(piece, kind="stable")
+    by_piece = np.split(corners[order], np.cumsum(np.bincount(piece))[:-1])
+    turn = inside_out[_outermost(by_piece)][piece]
+    return np.where(turn[:, None], triangles[:, ::-1], triangles), int(turn.sum())
 
 
-def _turned(triangles: Ints, turn: NDArray[np.bool_]) -> Ints:
-    return np.where(turn[:, None], triangles[:, ::-1], triangles) if turn.any() else triangles
+def _outermost(pieces: list[Floats]) -> Ints:
+    """The number of the largest piece that each lies within, or its own."""
+    low, high = (np.array([edge(piece, axis=(0, 1)) for piece in pieces]) for edge in (np.min, np.max))
+    size = (high - low).prod(axis=1)
+    found = np.arange(len(pieces))
+    for one, corners in enumerate(pieces):
+        around = np.flatnonzero((low <= low[one]).all(axis=1) & (high >= high[one]).all(axis=1) & (size > size[one]))
+        for other in around[np.argsort(-size[around], kind="stable")]:
+            if abs(winding_number(corners[0, :1], pieces[other])[0]) > 0.5:
+                found[one] = other
+                break
+    return found

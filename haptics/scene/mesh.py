@@ -162,14 +162,15 @@ def load_mesh(
         notes.append(f"{fault.seen}; taken at its word")
     vertices = in_frame(vertices, unit_m, up, to="y")
     vertices, triangles, mended = cleaned(vertices, triangles, 0.5 * _no_twice_area_m2(vertices))
-    found = holes(triangles) if repair else []
-    if found:
+    found = holes(triangles)
+    if found and repair:
         vertices, triangles = capped(vertices, triangles, found)
         mended.append(f"{holes_in_words(vertices, found)} closed by flat caps")
-    facing, turned = outward(vertices, triangles)
-    if turned:
-        mended.append(f"it was inside out: {turned} of {len(triangles)} triangles turned")
-    return TriangleMesh(vertices, facing, name=f"mesh {path}", notes=tuple(f"{path.name}: {note}" for note in notes + mended))
+    if repair or not found:
+        triangles, turned = outward(vertices, triangles)
+        if turned:
+            mended.append(f"it was inside out: {turned} of {len(triangles)} triangles turned")
+    return TriangleMesh(vertices, triangles, name=f"mesh {path}", notes=tuple(f"{path.name}: {note}" for note in notes + mended))
 
 
 def slow_notice(meshes: Sequence[TriangleMesh]) -> str | None:
@@ -179,8 +180,8 @@ def slow_notice(meshes: Sequence[TriangleMesh]) -> str | None:
         return None
     seconds = triangles * SECONDS_PER_TRIANGLE
     return (
-        f"{triangles} triangles of meshes: about {1e3 * seconds:.3g} ms a tick while the hand is near them, {1e3 * seconds:.3g} s of "
-        f"computing a second; real time needs {FAST_TRIANGLES} at most"
+        f"{triangles} triangles of meshes: about {1e3 * seconds:.3g} ms a tick while the hand is near them, so that "
+        f"a second takes {1e3 * seconds:.3g} s to compute; real time needs {FAST_TRIANGLES} at most"
     )
 
 
@@ -205,8 +206,8 @@ def _check_surface(name: str, vertices: Array, faces: NDArray[np.int64]) -> None
         )
     if (count == 1).any():
         raise InputError(
-            f"{name}: the mesh is open: {holes_in_words(vertices, holes(faces))}; allowed: a closed surface; close it where it was "
-            "drawn, or say repair = true in its shape to have flat caps put in"
+            f"{name}: the mesh is open: {holes_in_words(vertices, holes(faces))}; allowed: a closed surface; "
+            "close it where it was drawn, or say repair = true in its shape to have flat caps put in"
         )
     twice, times = np.unique(directed, axis=0, return_counts=True)
     if (times > 1).any():

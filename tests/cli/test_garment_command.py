@@ -256,14 +256,14 @@ class TestOwnGarment:
 
     def test_a_bad_mesh_is_refused_with_the_place(self, drawn, refused, tmp_path):
         lines = drawn.read_text().splitlines()
-        last = max(i for i, line in enumerate(lines) if line.startswith("f "))
-        a, b, c = lines[last].split()[1:]
-        lines[last] = f"f {a} {c} {b}"
-        drawn.write_text("\n".join(lines))
-        words = ("garment", "design", "--garment", drawn, "--motion", "elbow_flexion", "--coverage", "0.97")
-        error = refused(*words, "--out", tmp_path / "d")
-        assert "mine.obj: the two triangles at edge " in error
-        assert " m, are turned against each other" in error
+        faces = [line for line in lines if line.startswith("f ")]
+        a, b, _ = faces[0].split()[1:]
+        drawn.write_text("\n".join([*lines, "v 0.5 0 1.2", "v 0.6 0 1.2", f"f {a} {b} 468", f"f {a} {b} 469"]))
+        words = ("--garment", drawn, "--motion", "elbow_flexion", "--coverage", "0.97")
+        error = refused("garment", "design", *words, "--out", tmp_path / "d")
+        assert "mine.obj: edge " in error
+        assert " m belongs to " in error
+        assert "not manifold" in error
         assert not (tmp_path / "d").exists()
 
     def test_has_no_level(self, drawn, refused):

@@ -182,13 +182,14 @@ def test_files_in_millimetres_become_metres(tmp_path: Path, name: str, content: 
     ("name", "content", "match"),
     [
         ("a.obj", b"no mesh at all\n", "no triangles|cannot be read"),
-        ("a.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", "cannot be read|names vertices"),
-        ("a.obj", b"v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "vertex 0"),
+        ("a.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", "line 4: 'f 1 2 9'; allowed: vertices 1 to 3"),
+        ("a.obj", b"v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "line 1: 'v 0 0 nan'"),
         ("a.stl", b"\0" * 80 + b"\xff\xff\xff\x7f" + b"\0" * 50, "a.stl"),
         ("a.stl", b"", "a.stl"),
-        ("a.ply", b"", "allowed: .obj, .stl"),
+        ("a.ply", b"", "a.ply is empty; allowed: a mesh as .obj, .stl, .ply"),
+        ("a.glb", b"glTF", "type .glb; allowed: .obj, .stl, .ply"),
     ],
-    ids=["words", "index", "nan", "cut short", "empty", "format"],
+    ids=["words", "index", "nan", "cut short", "empty", "empty too", "format"],
 )
 def test_broken_files_are_refused_by_name(tmp_path: Path, name: str, content: bytes, match: str):
     pytest.importorskip("trimesh")

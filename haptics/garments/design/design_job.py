@@ -16,15 +16,21 @@ from haptics.garments.design.designs import COVERAGE_TOLERANCE, DesignSequence, 
 from haptics.garments.design.topology import SMALLEST_COVERAGE
 from haptics.garments.equilibrium.cholesky import installed_solvers
 from haptics.garments.equilibrium.wearing import WornMotion, wear
-from haptics.garments.garment import LEVELS, OWN, Garment, mesh_of, open_garment
+from haptics.garments.garment import LEVELS, OWN, Garment, mesh_of, open_garment, refuse_frame
 from haptics.garments.materials import CLOTH, INTERFACE, REINFORCED, Interface, Lame, Material, ReinforcedMaterial
 from haptics.garments.mesh import SurfaceMesh
+from haptics.meshes import AXES, UNITS
 from haptics.units import in_range, one_of
 
 STORE = "designs.h5"
 """Name of the design sequence in a design's folder."""
 LEAST_STRETCH = 1e-3
 """A motion that changes no edge of the garment by more than this part does not load it."""
+
+FAST_VERTICES = 8000
+"""A drawn mesh of so many costs what level ``standard`` does."""
+STANDARD_STEP_S, STEP_POWER = 0.5, 1.17
+"""Of a warm step of level ``standard`` on one core, and its growth with the vertices: found (docs/explanation/garments.md)."""
 
 
 @dataclass(frozen=True)
@@ -36,6 +42,7 @@ class DesignJob:
     :param angle_deg: how far, from straight; None takes the motion's default.
     :param coverage: reinforced over designable area, 0.01 to 1.
     :param solver: see ``cholesky.installed_solvers``; None takes the fastest.
+    :param units, up: of a mesh, as ``read_mesh`` takes them; None: metres, z up.
     :raises InputError: a name or number that is not allowed.
     """
 
@@ -48,18 +55,31 @@ class DesignJob:
     phenotype: Mapping[str, float] = field(default_factory=dict)
     solver: str | None = None
     lame: Lame = "plane"
+    units: str | None = None
+    up: str | None = None
 
     def __post_init__(self) -> None:
         if mesh_of(self.garment) is None:
             one_of("level", self.level, tuple(LEVELS))
+            refuse_frame(self.garment, self.units, self.up)
         else:
             one_of("level of a garment from a mesh", self.level, (OWN,))
         one_of("motion", self.motion, tuple(MOTIONS))
         one_of("lame", self.lame, ("plane", "thesis"))
         in_range("coverage", self.coverage, SMALLEST_COVERAGE, 1.0)
         MOTIONS[self.motion].checked_deg(self.angle_deg)
+        if self.units is not None:
+            one_of("units", self.units, tuple(UNITS))
+        if self.up is not None:
+            one_of("up", self.up, AXES)
         if self.solver is not None:
             one_of("solver", self.solver, installed_solvers())
+
+    @property
+    def frame(self) -> dict[str, str]:
+        """``units`` and ``up``, those given."""
+        said = {"units": self.units, "up": self.up}
+        return {key: value for key, value in said.items() if value is not None}
 
 
 def put_on(job: DesignJob) -> WornMotion:
@@ -68,7 +88,7 @@ def put_on(job: DesignJob) -> WornMotion:
     :raises InputError: a body or a solver that is not installed, or a motion that does not stretch the garment.
     """
     body = open_body(job.body, job.phenotype)
-    garment, motion = open_garment(body, job.garment, job.level), MOTIONS[job.motion]
+    garment, motion = open_garment(body, job.garment, job.level, **job.frame), MOTIONS[job.motion]
     refuse_unloaded(body, garment, motion, motion.checked_deg(job.angle_deg))
     return wear(body, garment, motion, job.angle_deg, lame=job.lame, solver=job.solver)
 
@@ -77,6 +97,7 @@ def settings_of(job: DesignJob, worn: WornMotion) -> dict[str, Any]:
     """All that the job's designs depend on, as plain data."""
     return {
         **_garment_of(job.garment),
+        **job.frame,
         "motion": job.motion,
         "coverage": job.coverage,
         "angle_deg": worn.angle_deg,
@@ -140,7 +161,7 @@ def open_designs(path: Path, motion: str | None = None, angle_deg: float | None 
         if settings.get(key) != value:
             raise InputError(f"{file}: its designs are for another {settings['garment']}; allowed: that mesh, unchanged")
     body = open_body(settings["body"], settings["phenotype"])
-    garment = open_garment(body, settings["garment"], settings["level"])
+    garment = open_garment(body, settings["garment"], settings["level"], settings.get("units"), settings.get("up"))
     materials: dict[str, Any] = {
         "cloth": Material(**settings["cloth"]),
         "reinforced": ReinforcedMaterial(**settings["reinforced"]),
@@ -158,6 +179,23 @@ def open_designs(path: Path, motion: str | None = None, angle_deg: float | None 
         angle_deg = settings["angle_deg"]
     refuse_unloaded(body, garment, chosen, chosen.checked_deg(angle_deg))
     return KeptDesigns(file, settings, sequence, wear(body, garment, chosen, angle_deg, **materials))
+
+
+def slow_notice(worn: WornMotion, times: int, what: str) -> str | None:
+    """How long a drawn mesh that is finer than level ``standard`` will take; None where it is not.
+
+    :param times: how often it is brought to equilibrium. :param what: these, in words.
+    """
+    vertices = worn.garment.weights.shape[0]
+    if worn.garment.level != OWN or vertices <= FAST_VERTICES:
+        return None
+    seconds = STANDARD_STEP_S * (vertices / LEVELS["standard"]) ** STEP_POWER
+    minutes = times * seconds / 60
+    fewer = f"a mesh of {LEVELS['draft']} to {LEVELS['standard']} vertices gives the same within a few per cent"
+    return (
+        f"{worn.garment.name} has {vertices} vertices: about {seconds:.2g} s for each of {times} {what}, "
+        f"{minutes:.2g} min or more; {fewer}"
+    )
 
 
 def _garment_of(garment: str) -> dict[str, str]:

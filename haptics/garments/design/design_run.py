@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 
 from haptics.errors import InputError, LimitError
-from haptics.garments.design.design_job import STORE, DesignJob, put_on, settings_of
+from haptics.garments.design.design_job import STORE, DesignJob, put_on, settings_of, slow_notice
 from haptics.garments.design.designs import COVERAGE_TOLERANCE, DesignSequence, DesignStep, DesignStore
 from haptics.garments.design.drawn import SHAPES, DrawnDesign, best_drawn
 from haptics.garments.design.rating import Unconverged, coverage_of, solved
-from haptics.garments.design.topology import DesignInterrupted, Progress, optimise
+from haptics.garments.design.topology import DesignInterrupted, Progress, optimise, steps_about
 from haptics.garments.equilibrium.wearing import WornMotion
 from haptics.garments.views.pictures import draw_density, draw_energy, draw_sequence, why_no_pictures
 from haptics.recording.output import refuse_existing, replacing
@@ -67,6 +67,7 @@ class DesignReport:
             "phenotype": dict(job.phenotype),
             "level": job.level,
             "lame": job.lame,
+            **job.frame,
             "vertices": len(self.worn.simulation.rest.vertices_m),
             "triangles": len(self.worn.simulation.triangles),
             "steps": steps + (self.stopped is not None),
@@ -96,6 +97,7 @@ def run_design(
     force: bool = False,
     progress: Progress | None = None,
     say: Say | None = None,
+    warn: Say | None = None,
 ) -> DesignReport:
     """Make the designs and everything that shows them, in a folder: the files of ``FILES``.
 
@@ -106,6 +108,7 @@ def run_design(
     :param resume: go on with the store that is there, and renew the other files; begin where there is none.
     :param force: begin anew over files that exist.
     :param progress: told each completed step. :param say: told what is done besides.
+    :param warn: called, before anything takes long, with what will.
     :raises InputError: files that exist, settings other than those of the store that is resumed, or as ``put_on``.
     :raises LimitError: the fully reinforced garment has no equilibrium, so that there is nothing to begin with.
     """
@@ -118,6 +121,9 @@ def run_design(
     worn = put_on(job)
     if resume:
         DesignStore(paths[STORE], settings_of(job, worn)).refuse_others()
+    slow = slow_notice(worn, steps_about(job.coverage), "steps")
+    if slow is not None and warn is not None:
+        warn(slow)
     _make_room(out, [] if resume else list(paths.values()))
     say("rating the drawn line and X")
     drawn = _baselines(job, worn)
@@ -125,7 +131,7 @@ def run_design(
     sequence, seconds, stopped = _designed(job, worn, paths[STORE], drawn, progress)
     missing = why_no_pictures()
     written = [path for path in paths.values() if not (missing and path.suffix == ".png")]
-    notes = (missing,) if missing else ()
+    notes = tuple(what for what in (*worn.garment.notes, slow, missing) if what)
     report = DesignReport(job, worn, sequence, drawn, seconds, stopped, notes, tuple(written))
     if not missing:
         say("drawing")

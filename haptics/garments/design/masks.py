@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import warnings
 import zipfile
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -25,11 +26,19 @@ FRONT = np.array([0.0, -1.0, 0.0])
 """Where the body faces."""
 
 
-def read_mask(path: str | os.PathLike[str], rest: SurfaceMesh, near_m: float = NEAR_M) -> Bools:
+def read_mask(
+    path: str | os.PathLike[str],
+    rest: SurfaceMesh,
+    near_m: float = NEAR_M,
+    units: str | None = None,
+    up: str | None = None,
+    note: Callable[[str], None] | None = None,
+) -> Bools:
     """The mask in a file, by its ending.
 
     .png: ``mask_from_image``; .obj .ply .stl: ``mask_from_surface``; .txt .npz: ``mask_from_list``.
 
+    :param units, up, note: of a surface, as ``read_mesh`` takes them.
     :raises InputError: another ending, a mask that reinforces nothing, or what those raise.
     """
     path = Path(path)
@@ -39,7 +48,7 @@ def read_mask(path: str | os.PathLike[str], rest: SurfaceMesh, near_m: float = N
     elif ending in (".txt", ".npz"):
         mask = mask_from_list(path, len(rest.triangles))
     else:
-        mask = mask_from_surface(path, rest, near_m)
+        mask = mask_from_surface(path, rest, near_m, units, up, note)
     if not mask.any():
         raise InputError(f"{path} reinforces nothing; allowed: at least one triangle")
     return mask
@@ -61,16 +70,23 @@ def mask_from_image(path: str | os.PathLike[str], rest: SurfaceMesh) -> Bools:
     return ink[rows, columns]
 
 
-def mask_from_surface(path: str | os.PathLike[str], rest: SurfaceMesh, near_m: float = NEAR_M) -> Bools:
+def mask_from_surface(
+    path: str | os.PathLike[str],
+    rest: SurfaceMesh,
+    near_m: float = NEAR_M,
+    units: str | None = None,
+    up: str | None = None,
+    note: Callable[[str], None] | None = None,
+) -> Bools:
     """The triangles whose centre is nearer than ``near_m`` to a drawn surface, ``(triangles,)``.
 
-    :param path: a mesh in metres, drawn over the garment at rest on the straight body.
+    :param path: a mesh, drawn over the garment at rest on the straight body. :param units, up, note: as ``read_mesh`` takes them.
     :raises InputError: a mesh that cannot be used, no triangle near it, or libigl is not installed.
     """
     from haptics.garments.mesh_files import read_mesh
 
     in_range("near_m", near_m, 1e-5, 0.1, "m")
-    surface = read_mesh(Path(path))
+    surface = read_mesh(Path(path), units=units, up=up, around_m=rest.vertices_m, note=note)
     squared: Any = libigl().point_mesh_squared_distance(rest.centres_m, surface.vertices_m, surface.triangles)[0]
     mask = squared <= near_m**2
     if not mask.any():

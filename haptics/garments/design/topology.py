@@ -12,6 +12,7 @@ designs that come near take part: evolution goes downhill from the full garment 
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -41,6 +42,12 @@ DRAFT_TRIANGLES = 3600
 
 Progress = Callable[[int, DesignStep], None]
 """Told each completed step, with its number counted from 0."""
+
+
+def steps_about(coverage: float, parameters: BesoParameters | None = None) -> int:
+    """About how many steps a design of a coverage takes from the fully reinforced garment."""
+    p = parameters or BesoParameters()
+    return math.ceil(math.log(coverage) / math.log(1 - p.evolution_rate)) + 2 * int(p.settled_steps)
 
 
 class DesignInterrupted(Unconverged):

@@ -1,0 +1,148 @@
+"""Meshes in scenes as other programs write them: units questioned, mended with a note, refused with the way out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from test_mesh import BOX_FACES, BOX_VERTICES, SIZE_M, ball
+
+from haptics.errors import InputError
+from haptics.scene.mesh import FAST_TRIANGLES, load_mesh
+from haptics.scene.model import read_scene
+from haptics.scene.shapes import Box
+
+POINTS = np.random.default_rng(1).uniform(-0.1, 0.1, (300, 3))
+
+
+def write(path: Path, vertices, faces) -> Path:
+    lines = ["v {!r} {!r} {!r}".format(*map(float, v)) for v in vertices] + [
+        "f {} {} {}".format(*(f + 1)) for f in np.asarray(faces)
+    ]
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+def scene(folder: Path, keys: str = ""):
+    shape = f'{{ kind = "mesh", file = "box.obj"{", " * bool(keys)}{keys} }}'
+    text = f'summary = "one"\n[[objects]]\nname = "thing"\nshape = {shape}\n'
+    return read_scene(text, "mine", "mine.toml", folder)
+
+
+def is_the_box(mesh) -> bool:
+    return bool(np.abs(mesh.distance(POINTS) - Box(SIZE_M).distance(POINTS)).max() < 1e-9)
+
+
+def test_a_sound_mesh_gives_no_note(tmp_path):
+    write(tmp_path / "box.obj", BOX_VERTICES, BOX_FACES)
+    made = scene(tmp_path)
+    assert made.notes == ()
+    assert made.slow_notice is None
+    assert is_the_box(made.object("thing").body.shape)
+
+
+@pytest.mark.parametrize(
+    ("unit", "scale", "word"), [("mm", 0.001, "millimetres"), ("cm", 0.01, "centimetres"), ("in", 0.0254, "inches")]
+)
+def test_another_unit_is_named_and_both_its_cures_work(tmp_path, unit, scale, word):
+    write(tmp_path / "box.obj", BOX_VERTICES / scale, BOX_FACES)
+    with pytest.raises(
+        InputError, match=f"mine.toml:2: object .thing.: .*box.obj: it is .* m across; .* is it in {word}\\?"
+    ) as refusal:
+        scene(tmp_path)
+    assert f'units = "{unit}" or scale = {scale:g}' in str(refusal.value)
+    for keys in (f'units = "{unit}"', f"scale = {scale:g}"):
+        made = scene(tmp_path, keys)
+        assert is_the_box(made.object("thing").body.shape)
+        assert made.notes == ()
+
+
+def test_what_is_said_is_believed_with_a_note(tmp_path):
+    write(tmp_path / "box.obj", BOX_VERTICES * 1000, BOX_FACES)
+    for keys in ('units = "m"', "scale = 1"):
+        made = scene(tmp_path, keys)
+        assert made.notes == (
+            "thing: box.obj: it is 100 m across; allowed: 0.002 to 3 m, as something to touch is; taken at its word",
+        )
+        assert made.object("thing").body.shape.volume_m3 == pytest.approx(1e9 * np.prod(SIZE_M))
+
+
+def test_a_mesh_with_another_axis_up_is_turned(tmp_path):
+    x, y, z = BOX_VERTICES.T
+    write(tmp_path / "box.obj", np.stack([x, -z, y], axis=1), BOX_FACES)
+    assert is_the_box(scene(tmp_path, 'up = "z"').object("thing").body.shape)
+    write(tmp_path / "box.obj", np.stack([y, -x, z], axis=1), BOX_FACES)
+    assert is_the_box(scene(tmp_path, 'up = "x"').object("thing").body.shape)
+
+
+@pytest.mark.parametrize(
+    ("keys", "message"),
+    [
+        ('units = "km"', "units: Input should be"),
+        ('up = "w"', "up: Input should be"),
+        ('units = "mm", scale = 0.001', "both given; allowed: one of them"),
+        ("scale = 0", "scale: Input should be greater than 0"),
+        ('repair = "yes"', "repair: Input should be a valid boolean"),
+    ],
+)
+def test_keys_are_checked(tmp_path, keys, message):
+    write(tmp_path / "box.obj", BOX_VERTICES, BOX_FACES)
+    with pytest.raises(InputError, match=message):
+        scene(tmp_path, keys)
+
+
+@pytest.mark.parametrize(
+    ("vertices", "faces", "notes"),
+    [
+        ([*BOX_VERTICES, [0, 0.9, 0]], BOX_FACES, ["1 vertex of no triangle left out"]),
+        (BOX_VERTICES, [*BOX_FACES, [0, 0, 1]], ["1 triangle without area left out"]),
+        (BOX_VERTICES, [*BOX_FACES, BOX_FACES[3]], ["1 triangle given twice left out"]),
+        (
+            BOX_VERTICES[BOX_FACES].reshape(-1, 3),
+            np.arange(36).reshape(-1, 3),
+            ["28 vertices along open edges welded to others within 1e-05 m"],
+        ),
+        (BOX_VERTICES, BOX_FACES[:, ::-1], ["it was inside out: 12 of 12 triangles turned"]),
+        (BOX_VERTICES * [-1, 1, 1], BOX_FACES, ["it was inside out: 12 of 12 triangles turned"]),
+        (BOX_VERTICES, [*BOX_FACES[:-1], BOX_FACES[-1, ::-1]], ["1 triangle turned to face as the rest of 12 do"]),
+    ],
+    ids=["unused", "degenerate", "twice", "seams", "inside out", "mirrored", "one turned"],
+)
+def test_faults_are_mended_with_a_note(tmp_path, vertices, faces, notes):
+    write(tmp_path / "box.obj", vertices, np.asarray(faces))
+    made = scene(tmp_path)
+    assert made.notes == tuple(f"thing: box.obj: {note}" for note in notes)
+    assert is_the_box(made.object("thing").body.shape)
+
+
+def test_holes_are_counted_and_closed_on_request(tmp_path):
+    write(tmp_path / "box.obj", BOX_VERTICES, BOX_FACES[3:])
+    with pytest.raises(InputError, match=r"the mesh is open: 2 holes \(4 edges about .*; 3 edges about .*\); .*repair = true"):
+        scene(tmp_path)
+    made = scene(tmp_path, "repair = true")
+    (note,) = made.notes
+    assert note.startswith("thing: box.obj: 2 holes (4 edges about (-0.03, 0, 0); 3 edges about (0.03, ")
+    assert note.endswith(" closed by flat caps")
+    assert is_the_box(made.object("thing").body.shape)
+
+
+def test_a_sheet_of_loose_triangles_is_refused_in_time(tmp_path):
+    """5,000 holes: counted at once, not each against all others."""
+    rng = np.random.default_rng(2)
+    corners = rng.uniform(-0.1, 0.1, (5_000, 1, 3)) + rng.uniform(-0.005, 0.005, (5_000, 3, 3))
+    path = write(tmp_path / "box.obj", corners.reshape(-1, 3), np.arange(15_000).reshape(-1, 3))
+    with pytest.raises(InputError, match=r"5000 holes \(3 edges about .* and 4997 more\)"):
+        load_mesh(path)
+
+
+def test_what_will_be_slow_is_said_with_its_cost_and_the_limit(tmp_path):
+    fine = ball(16)
+    assert len(fine.faces) > FAST_TRIANGLES
+    write(tmp_path / "box.obj", fine.vertices_m, fine.faces)
+    made = scene(tmp_path)
+    assert made.slow_notice == (
+        "960 triangles of meshes: about 1.92 ms a tick while the hand is near them, so that a second takes 1.92 s to compute; "
+        "real time needs 500 at most"
+    )
+    assert made.notes == (made.slow_notice,)
