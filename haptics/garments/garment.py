@@ -76,7 +76,11 @@ def mesh_of(garment: str) -> Path | None:
         raise InputError(
             f"garment = {garment!r} is not allowed; allowed: {', '.join(GARMENTS)}, or a mesh file as {', '.join(FORMATS)}"
         )
-    if not path.is_file():
+    try:
+        there = path.is_file()
+    except OSError:  # a name that no file can have
+        there = False
+    if not there:
         raise InputError(f"garment = {garment!r} is not a file; allowed: a mesh that exists, or {', '.join(GARMENTS)}")
     return path
 

@@ -33,15 +33,18 @@ def cleaned(vertices: Floats, triangles: Ints, least_area: float) -> tuple[Float
     loose = len(vertices) - len(np.unique(triangles))
     if loose:
         notes.append(f"{_count(loose, 'vertex', 'vertices')} of no triangle left out")
-    tolerance = _tolerance(vertices, triangles)
-    triangles = _welded(vertices, triangles, tolerance, notes)
-    flat = _flat(vertices, triangles, least_area)
-    if flat.any():
-        triangles, flat = _collapsed(vertices, triangles, flat, tolerance, least_area)
-        triangles = unfolded(vertices, triangles, flat)
-        notes.append(f"{_count(int(flat.sum()), 'triangle')} without area left out")
-    triangles = _once(triangles, notes)
-    triangles, turned = consistent(triangles)
+    distinct = _once(triangles)  # before edges are counted: copies would close what is open
+    apart = distinct[_corners_apart(distinct)]
+    tolerance = _tolerance(vertices, apart)
+    solid, flat = _without_flat(vertices, _welded(vertices, apart, tolerance, notes), tolerance, least_area)
+    single = _once(solid)
+    without_area = len(distinct) - len(apart) + flat
+    if without_area:
+        notes.append(f"{_count(without_area, 'triangle')} without area left out")
+    twice = len(triangles) - len(distinct) + len(solid) - len(single)
+    if twice:
+        notes.append(f"{_count(twice, 'triangle')} given twice left out")
+    triangles, turned = consistent(single)
     if turned:
         notes.append(f"{_count(turned, 'triangle')} turned to face as the rest of {len(triangles)} do")
     return *_used(vertices, triangles), notes
@@ -52,6 +55,8 @@ def _count(number: int, one: str, many: str | None = None) -> str:
 
 
 def _tolerance(vertices: Floats, triangles: Ints) -> float:
+    if not len(triangles):
+        return 0.0
     half = half_edges(triangles)
     edge = float(np.median(np.linalg.norm(vertices[half[:, 0]] - vertices[half[:, 1]], axis=1)))
     return min(WELD * float(np.ptp(vertices[np.unique(triangles)], axis=0).max()), WELD_EDGES * edge)
@@ -91,21 +96,30 @@ def _flat(vertices: Floats, triangles: Ints, least_area: float) -> Bools:
     return twice_area <= 2.0 * least_area
 
 
-def _collapsed(vertices: Floats, triangles: Ints, flat: Bools, tolerance: float, least_area: float) -> tuple[Ints, Bools]:
-    """Flat triangles with a side that is next to nothing shrink to an edge, and so does what lies across that side."""
+def _corners_apart(triangles: Ints) -> Bools:
+    a, b, c = triangles.T
+    return (a != b) & (b != c) & (c != a)
+
+
+def _without_flat(vertices: Floats, triangles: Ints, tolerance: float, least_area: float) -> tuple[Ints, int]:
+    """The triangles without those that are flat, and how many these were.
+
+    Flat ones with a side that is next to nothing shrink to an edge, and so does what lies across that side.
+    """
+    flat = _flat(vertices, triangles, least_area)
+    if not flat.any():
+        return triangles, 0
     half = half_edges(triangles[flat])
     short = np.linalg.norm(vertices[half[:, 0]] - vertices[half[:, 1]], axis=1) <= tolerance
     if short.any():
         triangles = _first_of(half[short], len(vertices))[triangles]
-    return triangles, _flat(vertices, triangles, least_area)
+        flat = _flat(vertices, triangles, least_area)
+    return unfolded(vertices, triangles, flat), int(flat.sum())
 
 
-def _once(triangles: Ints, notes: list[str]) -> Ints:
+def _once(triangles: Ints) -> Ints:
     _, first = np.unique(np.sort(triangles, axis=1), axis=0, return_index=True)
-    if len(first) < len(triangles):
-        notes.append(f"{_count(len(triangles) - len(first), 'triangle')} given twice left out")
-        triangles = triangles[np.sort(first)]
-    return triangles
+    return triangles[np.sort(first)] if len(first) < len(triangles) else triangles
 
 
 def _used(vertices: Floats, triangles: Ints) -> tuple[Floats, Ints]:

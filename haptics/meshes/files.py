@@ -37,11 +37,11 @@ def read_triangles(path: Path, extra: str) -> tuple[Floats, Ints]:
         raise InputError(
             f"mesh {path} is of type {path.suffix or '(none)'}; allowed: {', '.join(FORMATS)}; export it as one of them"
         )
-    if not path.exists():
-        raise InputError(f"mesh {path} is not a file: it does not exist")
-    if not path.is_file():
-        raise InputError(f"mesh {path} is not a file; allowed: a mesh as {', '.join(FORMATS)}")
     try:
+        if not path.exists():
+            raise InputError(f"mesh {path} is not a file: it does not exist")
+        if not path.is_file():
+            raise InputError(f"mesh {path} is not a file; allowed: a mesh as {', '.join(FORMATS)}")
         if path.stat().st_size == 0:
             raise InputError(f"mesh {path} is empty; allowed: a mesh as {', '.join(FORMATS)}")
         vertices, triangles = _read_obj(path) if kind == ".obj" else _read_by_trimesh(path, extra)

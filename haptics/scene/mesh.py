@@ -34,12 +34,14 @@ from haptics.meshes import (
     winding_number,
 )
 from haptics.scene.pose import Array
-from haptics.units import one_of
+from haptics.units import in_range, one_of
 
 TOUCHED = Kind(
     "something to touch", 0.002, 3.0, 0.1, 'say units = "{unit}" or scale = {scale} in its shape (units = "m" keeps the size)'
 )
 """From a bead to a table."""
+SMALLEST_M, LARGEST_M = 1e-4, 1e4
+"""What is computed with where units or a scale say so."""
 SECONDS_PER_TRIANGLE = 2e-6
 """Of fifteen sites' distances from a mesh near them, on one core; found: 1 to 2.6 us from 200 to 16,000 triangles."""
 FAST_TRIANGLES = 500
@@ -155,17 +157,20 @@ def load_mesh(
     unit_m = UNITS[one_of(f"units of mesh {path}", units, tuple(UNITS))] if units is not None else scale or 1.0
     one_of(f"up of mesh {path}", up, AXES)
     vertices, triangles = read_triangles(path, extra="mesh")
-    fault = size_fault(vertices[np.unique(triangles)], TOUCHED, unit_m)
+    used = vertices[np.unique(triangles)]
+    fault = size_fault(used, TOUCHED, unit_m)
     if fault is not None and scale is None and units is None:
         raise InputError(f"mesh {path}: {fault}")
     if fault is not None:
+        in_range(f"size of mesh {path}", float(np.ptp(used, axis=0).max()) * unit_m, SMALLEST_M, LARGEST_M, "m")
         notes.append(f"{fault.seen}; taken at its word")
     vertices = in_frame(vertices, unit_m, up, to="y")
-    vertices, triangles, mended = cleaned(vertices, triangles, 0.5 * _no_twice_area_m2(vertices))
+    least_area_m2 = 0.5 * _no_twice_area_m2(vertices)
+    vertices, triangles, mended = cleaned(vertices, triangles, least_area_m2)
     found = holes(triangles)
     if found and repair:
-        vertices, triangles = capped(vertices, triangles, found)
         mended.append(f"{holes_in_words(vertices, found)} closed by flat caps")
+        vertices, triangles, _ = cleaned(*capped(vertices, triangles, found), least_area_m2)  # the cap of a slit is flat
     if repair or not found:
         triangles, turned = outward(vertices, triangles)
         if turned:

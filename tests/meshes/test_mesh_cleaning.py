@@ -172,3 +172,53 @@ def test_more_holes_than_can_be_named_are_counted():
     words = holes_in_words(vertices, holes(apart))
     assert words.startswith("5 holes (3 edges about ")
     assert words.endswith(" and 2 more)")
+
+
+def ball(rings: int) -> tuple[np.ndarray, np.ndarray]:
+    polar, turn = np.meshgrid(np.pi * np.arange(1, rings) / rings, np.pi * np.arange(2 * rings) / rings, indexing="ij")
+    body = np.stack([np.sin(polar) * np.cos(turn), np.cos(polar), np.sin(polar) * np.sin(turn)], axis=-1).reshape(-1, 3)
+    at = 2 + np.arange(len(body)).reshape(rings - 1, -1)
+    following = np.roll(at, -1, axis=1)
+    sides = [[at[:-1], following[:-1], following[1:]], [at[:-1], following[1:], at[1:]]]
+    ends = [[np.zeros_like(at[0]), following[0], at[0]], [np.ones_like(at[0]), at[-1], following[-1]]]
+    faces = np.concatenate([np.stack(t, axis=-1).reshape(-1, 3) for t in (*sides, *ends)])
+    return 0.04 * np.vstack([[0, 1, 0], [0, -1, 0], body]), faces
+
+
+def spoilt(rng: np.random.Generator, v: np.ndarray, f: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Any mixture of what programs do to a surface without changing it."""
+    of = rng.random(7) < 0.5
+    if of[0]:  # a corner on the edge of a neighbour, with a flat triangle between
+        for _ in range(rng.integers(1, 6)):
+            k = rng.integers(len(f))
+            a, b, c = f[k]
+            v = np.vstack([v, v[a] + rng.uniform(0.1, 0.9) * (v[b] - v[a])])
+            n = len(v) - 1
+            f = np.vstack([np.delete(f, k, axis=0), [[a, n, c], [n, b, c], [a, b, n]]])
+    if of[1]:  # every triangle with its own corners, not quite in the same places
+        v = v[f].reshape(-1, 3) + rng.uniform(-1, 1, (3 * len(f), 3)) * 10 ** rng.uniform(-10, -6.3)
+        f = np.arange(len(v)).reshape(-1, 3)
+    if of[2]:
+        f = np.vstack([f, f[rng.integers(0, len(f), 5)]])
+    if of[3]:
+        f = np.where(rng.random(len(f))[:, None] < 0.2, f[:, ::-1], f)
+    if of[4]:
+        v = np.vstack([v, rng.uniform(-1, 1, (4, 3))])
+    if of[5]:
+        f = np.vstack([f, [[a, a, b] for a, b in rng.integers(0, len(v) - 4, (3, 2))]])
+    return v, rng.permutation(f) if of[6] else f
+
+
+@pytest.mark.parametrize("seeds", [range(30), pytest.param(range(30, 2000), marks=pytest.mark.soak)], ids=["few", "many"])
+def test_a_ball_spoilt_in_any_way_is_the_closed_ball_again(seeds):
+    for seed in seeds:
+        rng = np.random.default_rng(seed)
+        right = ball(int(rng.integers(3, 9)))
+        v, f = spoilt(rng, *right)
+        extent = float(np.ptp(v[np.unique(f)], axis=0).max())
+        vertices, triangles, _ = mended(v, f, 0.5e-12 * extent**2)
+        triangles, _ = outward(vertices, triangles)
+        assert len(open_edges(triangles)) == 0, seed
+        half = np.sort(np.vstack([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1)
+        assert (np.unique(half, axis=0, return_counts=True)[1] == 2).all(), seed
+        assert volume(vertices, triangles) == pytest.approx(volume(*right), rel=2e-3), seed  # corners moved by up to 0.5 um

@@ -32,8 +32,6 @@ def test_what_no_unit_explains_has_no_cure():
 @pytest.mark.parametrize("up", ["x", "y", "z"])
 @pytest.mark.parametrize("quarters", [0, 1, 2, 3])
 def test_frames_are_rotations_that_bring_up_to_up(to, up, quarters):
-    if (up, to) == ("x", "x"):
-        return
     turn = in_frame(np.eye(3), 1.0, up, to, quarters).T
     assert np.linalg.det(turn) == pytest.approx(1.0)
     assert turn @ turn.T == pytest.approx(np.eye(3))
@@ -49,7 +47,7 @@ def test_quarters_turn_anticlockwise_seen_from_above():
 @pytest.mark.parametrize("up", ["x", "y", "z"])
 def test_the_frame_in_which_points_were_drawn_is_found(unit, up):
     rng = np.random.default_rng(4)
-    statue = rng.uniform((-0.2, -0.1, 0.0), (0.5, 0.1, 1.7), (4000, 3)) ** [1, 1, 1]
+    statue = rng.uniform((-0.2, -0.1, 0.0), (0.5, 0.1, 1.7), (4000, 3))
     part = statue[statue[:, 2] > 1.0]
     undo = {"z": (0, 1, 2), "y": (0, 2, 1), "x": (2, 1, 0)}[up]
     sign = {"z": (1, 1, 1), "y": (1, 1, -1), "x": (1, 1, -1)}[up]

@@ -127,6 +127,27 @@ def test_holes_are_counted_and_closed_on_request(tmp_path):
     assert is_the_box(made.object("thing").body.shape)
 
 
+def test_a_slit_where_an_edge_meets_two_is_closed_on_request(tmp_path):
+    """A corner in the middle of its neighbour's edge: the hole has no area, and neither has its cap."""
+    a, b, c = BOX_FACES[0]
+    vertices = [*BOX_VERTICES, 0.5 * (BOX_VERTICES[a] + BOX_VERTICES[b])]
+    write(tmp_path / "box.obj", vertices, np.array([[a, 8, c], [8, b, c], *BOX_FACES[1:]]))
+    with pytest.raises(InputError, match="1 hole "):
+        scene(tmp_path)
+    assert is_the_box(scene(tmp_path, "repair = true").object("thing").body.shape)
+
+
+def test_sizes_beyond_computing_are_refused_whatever_is_said(tmp_path):
+    write(tmp_path / "box.obj", BOX_VERTICES * 1e300, BOX_FACES)
+    with pytest.raises(InputError, match=r"size of mesh .* is not allowed; allowed: 0.0001 to 10000 m"):
+        scene(tmp_path, 'units = "m"')
+
+
+def test_a_name_that_no_file_can_have_is_refused():
+    with pytest.raises(InputError, match="cannot be read: File name too long"):
+        load_mesh(Path("a" * 5000 + ".obj"))
+
+
 def test_a_sheet_of_loose_triangles_is_refused_in_time(tmp_path):
     """5,000 holes: counted at once, not each against all others."""
     rng = np.random.default_rng(2)
