@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
@@ -50,7 +51,7 @@ def read_triangles(path: Path, extra: str) -> tuple[Floats, Ints]:
     if not len(triangles) and len(vertices):
         raise InputError(f"mesh {path} has no triangles, only {len(vertices)} points; allowed: a surface of faces")
     if not len(triangles):
-        raise InputError(f"mesh {path} has no triangles{_what_it_is(path)}")
+        raise InputError(f"mesh {path} has no triangles{_what_it_is(path)}; allowed: a whole file of its kind")
     check_arrays(f"mesh {path}", vertices, triangles)
     return vertices, triangles
 
@@ -86,10 +87,13 @@ def _read_by_trimesh(path: Path, extra: str) -> tuple[Floats, Ints]:
     try:
         with path.open("rb") as file:
             found: Any = trimesh.load(file, file_type=path.suffix[1:].lower(), process=False)
-        faces = getattr(found, "faces", np.zeros((0, 3)))  # a cloud of points has none
-        vertices, triangles = np.asarray(found.vertices, float), np.asarray(faces, np.int64)
+        # A cloud of points has no faces, and what is not understood comes as an empty scene.
+        vertices = np.asarray(getattr(found, "vertices", ()), float).reshape(-1, 3)
+        triangles = np.asarray(getattr(found, "faces", ()), np.int64).reshape(-1, 3)
     except Exception as error:  # the reader has no error type of its own: whatever it raises, the file is broken
-        raise InputError(f"mesh {path} cannot be read as {path.suffix[1:].upper()}: {error}") from error
+        raise InputError(f"mesh {path} cannot be read as {path.suffix[1:].upper()}: {error}{_commas(path)}") from error
+    if path.suffix.lower() == ".ply":
+        _refuse_cut_short(path)
     if path.suffix.lower() == ".stl" and len(vertices):
         vertices, number = np.unique(vertices, axis=0, return_inverse=True)
         triangles = number.ravel()[triangles]
@@ -141,6 +145,29 @@ def _allowed(words: list[str]) -> str:
     if any("," in word for word in words):
         return "v and three finite coordinates with decimal points; these have decimal commas, export it with points"
     return "v and three finite coordinates"
+
+
+def _refuse_cut_short(path: Path) -> None:
+    """A PLY file of text has a line for each element that its header counts, and a face begins with its number of corners."""
+    header, _, body = path.read_bytes().partition(b"end_header")
+    if not re.search(rb"^format\s+ascii", header, re.MULTILINE):
+        return
+    elements = re.findall(rb"^element\s+(\w+)\s+(\d+)", header, re.MULTILINE)
+    rows = [row for row in body.splitlines() if row.strip()]
+    named = sum(int(count) for _, count in elements)
+    whole = len(rows) >= named
+    if whole and elements and elements[-1][0] == b"face" and named:
+        last = rows[named - 1].split()
+        whole = last[0].isdigit() and len(last) > int(last[0])
+    if not whole:
+        raise InputError(
+            f"mesh {path} is cut short: {len(rows)} lines after its header; allowed: the {named} that it names, whole"
+        )
+
+
+def _commas(path: Path) -> str:
+    with path.open("rb") as file:
+        return "; it has decimal commas, export it with points" if re.search(rb"\s-?\d+,\d+\s", file.read(4096)) else ""
 
 
 def _what_it_is(path: Path) -> str:

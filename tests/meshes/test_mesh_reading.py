@@ -85,6 +85,33 @@ def test_what_cannot_be_read_is_said_with_its_place(tmp_path, name, text, messag
         read(tmp_path, text, name)
 
 
+@pytest.mark.parametrize("name", ["binary.stl", "text.stl", "binary.ply", "text.ply", "quads.ply"])
+def test_a_file_cut_short_anywhere_is_refused(tmp_path, name):
+    trimesh = pytest.importorskip("trimesh")
+    box = trimesh.creation.box((0.1, 0.2, 0.3))
+    if name == "quads.ply":
+        rows = "4 0 1 2 3\n4 4 5 6 7\n"
+        points = "".join(f"{x} {y} {z}\n" for x, y, z in box.vertices)
+        head = "".join(f"property float {axis}\n" for axis in "xyz") + "element face 2\nproperty list uchar int vertex_indices\n"
+        (tmp_path / name).write_text(f"ply\nformat ascii 1.0\nelement vertex 8\n{head}end_header\n{points}{rows}")
+        assert len(read_triangles(tmp_path / name, extra="mesh")[1]) == 4
+    else:
+        box.export(tmp_path / name, **{"text.stl": {"file_type": "stl_ascii"}, "text.ply": {"encoding": "ascii"}}.get(name, {}))
+    whole = (tmp_path / name).read_bytes().rstrip(b"\n")
+    for share in (0.1, 0.5, 0.9, 0.97):
+        (tmp_path / name).write_bytes(whole[: int(share * len(whole))])
+        with pytest.raises(InputError, match=f"{name} (is cut short|has no triangles|cannot be read as)"):
+            read_triangles(tmp_path / name, extra="mesh")
+
+
+def test_decimal_commas_in_an_stl_are_named(tmp_path):
+    pytest.importorskip("trimesh")
+    corners = "".join(f"vertex {x} {y} 0,0\n" for x, y in (("0,0", "0,0"), ("1,0", "0,0"), ("0,0", "1,0")))
+    text = f"solid a\nfacet normal 0 0 1\nouter loop\n{corners}endloop\nendfacet\nendsolid a\n"
+    with pytest.raises(InputError, match=r"cannot be read as STL: .*; it has decimal commas, export it with points"):
+        read(tmp_path, text, "a.stl")
+
+
 def test_a_scan_is_refused_with_what_to_do(tmp_path):
     with pytest.raises(InputError, match=r"has 200001 triangles; allowed: at most 200000; reduce \(decimate\) it"):
         read(tmp_path, SQUARE + "f 1 2 3\n" * 200_001)
