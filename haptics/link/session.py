@@ -124,6 +124,11 @@ class LinkSession:
         return self._exchanges.model.fit
 
     @property
+    def last_sent_ns(self) -> int:
+        """When a frame last went out: what a board's dead-man counts from."""
+        return self._last_sent_ns
+
+    @property
     def next_deadline_ns(self) -> int | None:
         """When ``poll`` wants to be called next; None if nothing is due unless something happens."""
         return self._deadline_ns if self._deadline_ns < NEVER_NS else None
@@ -183,6 +188,7 @@ class LinkSession:
             return pending
         if name == "disarm":
             self.armed = False
+            self._window.fail_all(LinkError, "disarmed")  # nothing asked for before it is sent, or sent again, after it
         self._window.submit(pending)
         self._work(now_ns)
         return pending

@@ -11,6 +11,7 @@ from typing import Any
 from urllib.parse import parse_qsl, urlencode, urlsplit
 
 from haptics.devices import BrakeDriver, TactilesDriver
+from haptics.devices.tactiles import TELLING_NS
 from haptics.errors import CommandRefused, InputError, LimitError
 from haptics.link.commands import Pending
 from haptics.link.connection import Link
@@ -30,6 +31,7 @@ from haptics.time import NS_PER_MS, NS_PER_S, MonotonicClock, VirtualClock, seco
 TICK_NS = NS_PER_MS
 ARM_TIMEOUT_S = 2.0
 OFF_TIMEOUT_S = 1.0
+_ARMED = (State.ARMED, State.DRIVING)
 HANDOVER_S = 100e-6
 """Pause between two pulses that share a coil or its share of the current: more than a clock estimate moves between them."""
 WireTap = Callable[[str, int, bool, bytes], None]
@@ -76,6 +78,8 @@ class Glove:
         self._event_sinks: list[Callable[[str, Event], None]] = []
         self._opened = False
         self._wanted_armed = False
+        self.times_armed = 0
+        """How often :meth:`arm` succeeded: whoever remembers what a device does forgets it when this changes."""
         asked = {"tactiles": tactiles, "brake": brake}
         try:
             for name, part in asked.items():
@@ -155,6 +159,8 @@ class Glove:
 
     def follow(self, to_ns: int) -> None:
         """Bring links (and in virtual time boards) to ``to_ns`` and take in what they report; drivers are not ticked."""
+        for name, link in self.links.items():
+            self._notice_silence(name, link)
         if isinstance(self._runner, VirtualRunner):
             self._runner.run_until(to_ns)
         else:
@@ -162,6 +168,19 @@ class Glove:
         for name, link in self.links.items():
             for event in link.events():
                 self._take(name, event)
+
+    def _notice_silence(self, name: str, link: Link) -> None:
+        """The host was away for longer than a board waits: that board has made itself safe, and is told to be, in any case."""
+        now_ns = self.now_ns()
+        silent_ns = now_ns - link.session.last_sent_ns
+        if not link.armed or silent_ns <= link.identity.dead_man * NS_PER_MS:
+            return
+        silent = f"host silent for {silent_ns / NS_PER_MS:.0f} ms; board made itself safe; arm again"
+        self._fault(f"{name}: {silent}")
+        link.stop(now_ns)
+        self._forbid(name)
+        for sink in self._event_sinks:
+            sink(name, Disarmed(now_ns, silent))
 
     def tick(self, now_ns: int) -> None:
         """Tick the drivers."""
@@ -210,8 +229,16 @@ class Glove:
             self.faults.append(text)
 
     def _forbid(self, name: str) -> None:
+        """A board is no longer armed: what was asked of it is forgotten."""
         if name == "tactiles" and self.tactiles is not None:
-            self.tactiles.set_armed(False)
+            self.tactiles.set_armed(False, sure_until_ns=self.now_ns() - TELLING_NS)
+        elif name == "brake" and self.brakes is not None:
+            self.brakes.set_armed(False)
+
+    def _obeys(self, name: str) -> bool:
+        """Whether a board is there and armed now, whatever happened before."""
+        link = self.links.get(name)
+        return link is not None and link.armed and link.error is None
 
     def _wait(self, condition: Callable[[], bool], timeout_s: float) -> bool:
         """Let time pass with drivers ticking until ``condition`` holds."""
@@ -231,28 +258,47 @@ class Glove:
     # Arming and going off -------------------------------------------------------------------------------------------
 
     def arm(self) -> None:
-        """Arm every board, explicitly; the brake controller tests itself first.
+        """Arm every board, explicitly; the brake controller tests itself first. Nothing is wanted of an armed board yet.
+
+        A board that is armed already is stopped first, so that it drops what it was asked for.
 
         :raises CommandRefused: a board would not arm; everything is off then.
-        :raises LimitError: a board did not reach its armed state.
+        :raises LimitError: a board did not reach its armed state, or left it while another armed.
         """
-        self.telemetry.clear()  # what a board said before it was armed says nothing about now
+        self._drop_wishes()
         try:
+            self._stop_what_is_armed()
+            self.telemetry.clear()  # what a board said before it was armed says nothing about now
             pendings = [link.arm(self.now_ns()) for link in self.links.values()]
             for link, pending in zip(self.links.values(), pendings, strict=True):
                 self._finish_arming(link, pending)
             self.follow(self.now_ns())
             for name in self.links:
-                if not self._wait(lambda name=name: self._state_of(name) in (State.ARMED, State.DRIVING), ARM_TIMEOUT_S):
+                if not self._wait(lambda name=name: self._state_of(name) in _ARMED, ARM_TIMEOUT_S):
                     state = self._state_of(name)
                     seen = "nothing" if state is None else State(state).name.lower()
                     raise LimitError(f"{name}: did not reach the armed state within {ARM_TIMEOUT_S:g} s; it says {seen}")
+            for name in self.links:
+                if not self._obeys(name):
+                    raise LimitError(f"{name}: disarmed itself while the other board armed")
         except BaseException:
             self.off()
             raise
         self._wanted_armed = True
+        self.times_armed += 1
         if self.tactiles is not None:
             self.tactiles.set_armed(True)
+        if self.brakes is not None:
+            self.brakes.set_armed(True)
+
+    def _stop_what_is_armed(self) -> None:
+        """Boards armed by this host, or still by another, are stopped; what they had been asked for is gone then."""
+        names = [name for name, link in self.links.items() if link.armed or self._state_of(name) in _ARMED]
+        for name in names:
+            self.telemetry.pop(name)
+            self.links[name].stop(self.now_ns())
+        rests = (State.DISARMED, State.FAULT)
+        self._wait(lambda: all(self._state_of(name) in rests for name in names), ARM_TIMEOUT_S)
 
     def _finish_arming(self, link: Link, pending: Pending) -> None:
         try:
@@ -269,18 +315,29 @@ class Glove:
         return None if message is None else message.state
 
     def off(self) -> None:
-        """Pins withdrawn, then volts to zero and bridges shorted, then disarmed. Never raises for a link that is gone."""
-        if self._wanted_armed and not self.faults and self.tactiles is not None:
+        """Pins withdrawn, then volts to zero and bridges shorted, then disarmed. Never raises for a link that is gone.
+
+        Each board that is armed now goes off in this order, whatever happened to the other one, or to itself before.
+        """
+        if self.tactiles is not None:
             self.tactiles.end("ended")
-            self.tactiles.withdraw_all(self.now_ns())
-            if self.brakes is not None:
-                self.brakes.release_all(self.now_ns())
-            self._wait(self._pins_settled, OFF_TIMEOUT_S)
+            if self._wanted_armed and self._obeys("tactiles"):
+                self.tactiles.withdraw_all(self.now_ns())
+                self._wait(self._pins_settled, OFF_TIMEOUT_S)
+        if self.brakes is not None and self._obeys("brake") and self.brakes.engaged():
+            self.brakes.release_all(self.now_ns())
+            self._wait(lambda: self.brakes is None or self.brakes.idle, OFF_TIMEOUT_S)
         self._wanted_armed = False
         pendings = [link.stop(self.now_ns()) for link in self.links.values() if link.error is None]
+        self._drop_wishes()
         self._wait(lambda: all(pending.done for pending in pendings), OFF_TIMEOUT_S)
+
+    def _drop_wishes(self) -> None:
+        """Whatever was asked for is forgotten, and nothing more is taken until the next arming."""
         if self.tactiles is not None:
-            self.tactiles.set_armed(False)
+            self.tactiles.set_armed(False, sure_until_ns=self.now_ns())
+        if self.brakes is not None:
+            self.brakes.set_armed(False)
 
     def _pins_settled(self) -> bool:
         return self.tactiles is None or (self.tactiles.idle and self.now_ns() > self.tactiles.busy_until_ns)
