@@ -105,10 +105,10 @@ class TactilesDriver:
         """
         channel = self._channel_of(site)
         self.overdue += at_ns is not None and at_ns < now_ns
-        if self._armed and self._in_contact(channel):
-            self._results.append(Result(site, "pulse", False, "contact", now_ns, None))
+        if at_ns is not None and self._armed and self._spacing.lead_ns > COMMAND_LEAD_NS:
+            self._play_later([(at_ns, site, now_ns)])  # others of this site may come before it, until the next tick
         else:
-            self._submit(channel, Priority.PULSE, self._pulse, now_ns, at_ns)
+            self._ask_pulse(channel, now_ns, at_ns)
 
     def train(self, site: str, count: int, period_ns: int, now_ns: int) -> None:
         """``count`` pulses, one each ``period_ns``; each is a request of its own.
@@ -120,8 +120,7 @@ class TactilesDriver:
             self._results += [Result(site, "pulse", False, "unarmed", now_ns, None)] * count
             return
         first_ns = now_ns + COMMAND_LEAD_NS
-        self._later += [(first_ns + i * period_ns, site, now_ns) for i in range(count)]
-        self._later.sort()
+        self._play_later([(first_ns + i * period_ns, site, now_ns) for i in range(count)])
 
     def burst(self, site: str, cycles: int, now_ns: int, at_ns: int | None = None) -> None:
         """``cycles`` cycles of 5 ms, 200 Hz; may be cut at the end of a cycle by something more urgent.
@@ -152,9 +151,10 @@ class TactilesDriver:
         outcomes: list[Outcome] = []
         while self._later and self._later[0][0] <= last_ns:
             at_ns, site, _ = self._later.pop(0)
+            self.overdue += at_ns < now_ns
             if at_ns > first_ns:  # give out what comes before, so that this one does not replace it
                 self._give_out(first_ns, at_ns - 1, pulses, outcomes)
-            self.pulse(site, now_ns, at_ns)
+            self._ask_pulse(self._channel[site], now_ns, at_ns)
         self._give_out(first_ns, last_ns, pulses, outcomes)
         if pulses:
             self._commands.send(pulses, now_ns)
@@ -230,6 +230,16 @@ class TactilesDriver:
     def headrooms_k(self, now_ns: int) -> list[float]:
         """Per channel: room under the limit of the rise, K."""
         return self._scheduler.headroom_k(now_ns)
+
+    def _play_later(self, pulses: list[tuple[int, str, int]]) -> None:
+        self._later += pulses
+        self._later.sort()
+
+    def _ask_pulse(self, channel: int, now_ns: int, at_ns: int | None) -> None:
+        if self._armed and self._in_contact(channel):
+            self._results.append(Result(self.sites[channel], "pulse", False, "contact", now_ns, None))
+        else:
+            self._submit(channel, Priority.PULSE, self._pulse, now_ns, at_ns)
 
     def _in_contact(self, channel: int) -> bool:
         """The pin is out, or a contact or release is under way: a newer request would take its place."""

@@ -78,6 +78,7 @@ class Glove:
         self._event_sinks: list[Callable[[str, Event], None]] = []
         self._opened = False
         self._wanted_armed = False
+        self._permitted: set[str] = set()  # boards whose drivers may ask for energy
         self.times_armed = 0
         """How often :meth:`arm` succeeded: whoever remembers what a device does forgets it when this changes."""
         asked = {"tactiles": tactiles, "brake": brake}
@@ -168,6 +169,8 @@ class Glove:
         for name, link in self.links.items():
             for event in link.events():
                 self._take(name, event)
+            if name in self._permitted and not self._obeys(name):
+                self._forbid(name)
 
     def _notice_silence(self, name: str, link: Link) -> None:
         """The host was away for longer than a board waits: that board has made itself safe, and is told to be, in any case."""
@@ -209,14 +212,11 @@ class Glove:
             self._fault(f"{name}: {label}, channel {event.channel}, value {event.value}")
         elif isinstance(event, Rebooted):
             self._fault(f"{name}: the board rebooted; it stays disarmed until armed by hand")
-            self._forbid(name)
         elif isinstance(event, Disarmed):
             if self._wanted_armed:
                 self._fault(f"{name}: disarmed by itself ({event.reason})")
-            self._forbid(name)
         elif isinstance(event, Lost):
             self._fault(f"{name}: {event.error}")
-            self._forbid(name)
         for sink in self._event_sinks:
             sink(name, event)
 
@@ -230,6 +230,7 @@ class Glove:
 
     def _forbid(self, name: str) -> None:
         """A board is no longer armed: what was asked of it is forgotten."""
+        self._permitted.discard(name)
         if name == "tactiles" and self.tactiles is not None:
             self.tactiles.set_armed(False, sure_until_ns=self.now_ns() - TELLING_NS)
         elif name == "brake" and self.brakes is not None:
@@ -286,6 +287,7 @@ class Glove:
             raise
         self._wanted_armed = True
         self.times_armed += 1
+        self._permitted.update(self.links)
         if self.tactiles is not None:
             self.tactiles.set_armed(True)
         if self.brakes is not None:
@@ -334,6 +336,7 @@ class Glove:
 
     def _drop_wishes(self) -> None:
         """Whatever was asked for is forgotten, and nothing more is taken until the next arming."""
+        self._permitted.clear()
         if self.tactiles is not None:
             self.tactiles.set_armed(False, sure_until_ns=self.now_ns())
         if self.brakes is not None:

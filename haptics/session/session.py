@@ -96,7 +96,9 @@ class Session:
             self.leads,
             brake_amplitude_v=configuration.brake.amplitude_v,
             clutch_amplitude_v=configuration.brake.clutch_amplitude_v,
+            tick_ns=NS_PER_S // configuration.tick_hz,
         )
+        self._times_armed = glove.times_armed
         self._array_plant = glove.plant("tactiles")
         self._brake_plant = glove.plant("brake")
         self._sample_ns = 0
@@ -110,6 +112,7 @@ class Session:
 
     def submit(self, frame: HandFrame, now_ns: int) -> str | None:
         """A pose that arrived at ``now_ns``; returns why it was refused, or None. Never blocks."""
+        self._watch_arming(now_ns)
         reason = self.loop.submit(frame, now_ns)
         if self.recorder is not None:
             self.recorder.pose(now_ns, frame, reason is None)
@@ -121,9 +124,16 @@ class Session:
 
     def tick(self, now_ns: int) -> None:
         """One period of the loop: links to ``now_ns``, effects, drivers, rows."""
+        self._watch_arming(now_ns)
         self.glove.follow(now_ns)
         self.loop.tick(now_ns)
         self._observe(now_ns)
+
+    def _watch_arming(self, now_ns: int) -> None:
+        """Devices that were armed anew have forgotten what they did; so does the loop."""
+        if self.glove.times_armed != self._times_armed:
+            self._times_armed = self.glove.times_armed
+            self.loop.start_over(now_ns)
 
     def settle(self) -> None:
         """Collect what came out after the last tick, while the glove went off."""
