@@ -67,7 +67,7 @@ class RenderLoop:
     :param tactiles: driver of the array, or None where the scene has no use for one.
     :param brake: driver of brakes or clutches, or None.
     :param brake_amplitude_v: cap on a grasp's volts. :param clutch_amplitude_v: cap on a clutch's.
-    :param tick_ns: how often it is to be ticked; ticked half as often or less, it says ``overrun``, once for as long as that lasts.
+    :param tick_ns: how often it is to be ticked; ticked half as often or less it says ``overrun``, once a stretch.
     """
 
     def __init__(
@@ -115,6 +115,7 @@ class RenderLoop:
         self._previous: HandFrame | None = None
         self._pose_ns: int | None = None
         self._quiet = False
+        self._left_out: list[str] = []
         self._events: list[LoopEvent] = []
 
     def begin(self, start_ns: int) -> None:
@@ -122,8 +123,14 @@ class RenderLoop:
         self._start_ns = self._rules_ns = start_ns
 
     def start_over(self, now_ns: int) -> None:
-        """The devices were armed anew and do nothing yet: what was felt before is over, until a pose from now on says otherwise."""
+        """The devices were armed anew and do nothing yet: what was felt before is over, until a pose from now on says otherwise.
+
+        Pins that stayed out meanwhile, as they are bistable, stay until that pose comes, and go back then.
+        """
         self._forget(now_ns)
+        self._pose_ns = None
+        if self.tactiles is not None:
+            self._left_out = [site for site, out in zip(self.tactiles.sites, self.tactiles.pins_out(), strict=True) if out]
 
     # Poses ----------------------------------------------------------------------------------------------------------
 
@@ -136,6 +143,10 @@ class RenderLoop:
         if self._previous is not None and frame.track_id != self._previous.track_id:
             self.hand_gone(now_ns)
         self._previous, self._pose_ns = frame, frame.time_ns
+        if self._left_out and self.tactiles is not None:
+            for site in self._left_out:
+                self.tactiles.release(site, now_ns)
+            self._left_out.clear()
         self._move_objects(frame.time_ns)
         positions = self.sites.positions(frame.position_m, frame.orientation_xyzw)
         if self._quiet:

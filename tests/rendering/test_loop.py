@@ -32,11 +32,11 @@ class Stage:
         self.frames = [replace(f, time_ns=f.time_ns + self.start_ns) for f in self.recording.frames("right")]
         self.fed = 0
 
-    def run(self, to_ms: float, poses: bool = True) -> None:
+    def run(self, to_ms: float, poses: bool = True, every_ms: int = 1) -> None:
         """Tick to ``to_ms`` after the start; with ``poses``, those whose latency has passed arrive."""
         end_ns = self.start_ns + round(to_ms * NS_PER_MS)
         while self.glove.now_ns() < end_ns:
-            now_ns = max(self.start_ns, self.glove.now_ns() // NS_PER_MS * NS_PER_MS + NS_PER_MS)
+            now_ns = max(self.start_ns, self.glove.now_ns() // NS_PER_MS * NS_PER_MS + every_ms * NS_PER_MS)
             while poses and self.fed < len(self.frames) and self.frames[self.fed].time_ns + LATENCY_NS <= now_ns:
                 self.session.submit(self.frames[self.fed], now_ns)
                 self.fed += 1
@@ -71,8 +71,8 @@ def test_without_poses_everything_goes_off_after_a_tenth_of_a_second(playground)
     assert playground.glove.brakes.engaged()
     playground.run(last_pose_ms + 102, poses=False)
     assert playground.glove.brakes.engaged() == {}
-    assert not any(playground.glove.tactiles.pins_out())
     playground.run(last_pose_ms + 300, poses=False)
+    assert not any(playground.glove.tactiles.pins_out())
     truth = playground.glove.plant("brake").truth()
     assert max(abs(v) for v in truth["volts"]) < 60
     assert set(playground.glove.plant("tactiles").truth()["latched"]) == {"off"}
@@ -134,3 +134,74 @@ def test_a_pin_that_the_board_refused_as_late_is_asked_for_again(playground):
     playground.run(100)
     assert [(r.played, r.reason) for r in playground.session.results] == [(False, "late"), (True, None)]
     assert playground.glove.plant("tactiles").truth()["latched"][1] == "on"
+
+
+def test_armed_again_the_loop_starts_from_nothing_and_what_is_still_held_is_not_felt_by_itself(playground):
+    playground.run(1500)
+    glove = playground.glove
+    assert glove.brakes.engaged()
+    believed_out = sum(glove.tactiles.pins_out())
+    assert believed_out
+    for link in glove.links.values():
+        link.send("disarm", now_ns=glove.now_ns())  # by whomever
+    playground.run(1520, poses=False)
+    assert glove.brakes.engaged() == {}
+    glove.arm()
+    energy_j = sum(glove.plant("tactiles").truth()["energy_j"])
+    again_ms = (glove.now_ns() - playground.start_ns) / NS_PER_MS
+    playground.run(again_ms + 300, poses=False)
+    assert glove.brakes.engaged() == {}
+    assert sum(glove.plant("tactiles").truth()["energy_j"]) == energy_j
+    assert sum(glove.tactiles.pins_out()) == believed_out
+    playground.fed = next(i for i, f in enumerate(playground.frames) if f.time_ns > glove.now_ns() - LATENCY_NS)
+    playground.run(again_ms + 500)
+    assert "grasp_end" in playground.kinds()  # the grasp of before is over; a new one begins with a new closing
+    assert glove.brakes.engaged() == {}
+
+
+@pytest.fixture
+def desk():
+    stage = Stage("desk")
+    yield stage
+    stage.glove.off()
+    stage.glove.close()
+
+
+@pytest.mark.parametrize("every_ms", [4, 11, 33])
+def test_ticked_too_seldom_the_loop_still_plays_in_time_and_says_overrun_once(desk, every_ms):
+    desk.run(1200, every_ms=every_ms)
+    said = [event for event in desk.session.events if event.kind == "overrun"]
+    assert len(said) == 1
+    assert said[0].time_ns - desk.start_ns <= 4 * every_ms * NS_PER_MS
+    assert f"ticked every {every_ms} ms" in said[0].detail
+    assert "tick every 1 ms" in said[0].detail
+    results = desk.session.results
+    assert sum(result.played for result in results) > 50
+    assert not {result.reason for result in results} & {"late", "unknown", "clock"}
+
+
+def test_ticked_often_enough_or_held_up_for_once_it_says_nothing(desk):
+    desk.run(300)
+    desk.run(301, every_ms=30)
+    desk.run(600)
+    desk.run(601, every_ms=30)
+    desk.run(900)
+    assert "overrun" not in desk.kinds()
+
+
+def test_each_stretch_of_slow_ticks_is_said(desk):
+    for stretch in range(1, 4):
+        desk.run(stretch * 200 - 100)
+        desk.run(stretch * 200, every_ms=10)
+    assert desk.kinds().count("overrun") == 3
+
+
+def test_pulses_that_were_due_before_the_tick_are_counted(playground):
+    playground.run(20)
+    playground.glove.tactiles.train("palm_index", 30, 10 * NS_PER_MS, playground.glove.now_ns())
+    playground.run(400, every_ms=25)
+    (said,) = [event.detail for event in playground.session.events if event.kind == "overrun"]
+    assert "pulses came late" in said
+    results = playground.session.results
+    assert sum(result.played for result in results) >= 20
+    assert not {result.reason for result in results} & {"late", "unknown"}
