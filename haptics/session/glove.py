@@ -298,7 +298,7 @@ class Glove:
         """Boards armed by this host, or still by another, are stopped; what they had been asked for is gone then."""
         names = [name for name, link in self.links.items() if link.armed or self._state_of(name) in _ARMED]
         for name in names:
-            self.telemetry.pop(name)
+            self.telemetry.pop(name, None)
             self.links[name].stop(self.now_ns())
         rests = (State.DISARMED, State.FAULT)
         self._wait(lambda: all(self._state_of(name) in rests for name in names), ARM_TIMEOUT_S)
@@ -322,18 +322,28 @@ class Glove:
 
         Each board that is armed now goes off in this order, whatever happened to the other one, or to itself before.
         """
-        if self.tactiles is not None:
-            self.tactiles.end("ended")
-            if self._wanted_armed and self._obeys("tactiles"):
-                self.tactiles.withdraw_all(self.now_ns())
-                self._wait(self._pins_settled, OFF_TIMEOUT_S)
-        if self.brakes is not None and self._obeys("brake") and self.brakes.engaged():
-            self.brakes.release_all(self.now_ns())
-            self._wait(lambda: self.brakes is None or self.brakes.idle, OFF_TIMEOUT_S)
-        self._wanted_armed = False
-        pendings = [link.stop(self.now_ns()) for link in self.links.values() if link.error is None]
-        self._drop_wishes()
+        try:
+            self._withdraw_pins()
+            self._drop_volts()
+        finally:  # also when the one who waits is interrupted
+            self._wanted_armed = False
+            pendings = [link.stop(self.now_ns()) for link in self.links.values() if link.error is None]
+            self._drop_wishes()
         self._wait(lambda: all(pending.done for pending in pendings), OFF_TIMEOUT_S)
+
+    def _withdraw_pins(self) -> None:
+        if self.tactiles is None:
+            return
+        self.tactiles.end("ended")
+        if "tactiles" in self._permitted and self._obeys("tactiles"):
+            self.tactiles.withdraw_all(self.now_ns())
+            self._wait(self._pins_settled, OFF_TIMEOUT_S)
+
+    def _drop_volts(self) -> None:
+        brakes = self.brakes
+        if brakes is not None and self._obeys("brake") and brakes.engaged():
+            brakes.release_all(self.now_ns())
+            self._wait(lambda: brakes.idle, OFF_TIMEOUT_S)
 
     def _drop_wishes(self) -> None:
         """Whatever was asked for is forgotten, and nothing more is taken until the next arming."""

@@ -549,6 +549,18 @@ def test_disarming_by_hand_is_no_news(armed):
     assert armed.happened(Disarmed) == []
 
 
+def test_what_was_sent_before_a_disarm_is_not_sent_again_after_it(armed):
+    """A pulse for later is lost on the line; its repetition would find the board armed again, and play."""
+    armed.up = losing(PULSE, 1)
+    lost = pulse(armed, in_ms=200)
+    armed.session.send("disarm", now_ns=armed.now_ns)
+    armed.session.arm(armed.now_ns)
+    armed.run(100)
+    assert armed.session.armed
+    assert armed.board.types().count(PULSE) == 0
+    assert isinstance(lost.error, LinkError)
+
+
 def test_arm_then_disarm_in_one_breath_ends_disarmed(ready):
     ready.session.arm(ready.now_ns)
     ready.session.send("disarm", now_ns=ready.now_ns)

@@ -300,3 +300,22 @@ def test_a_stroke_that_a_board_took_and_may_not_have_played_leaves_its_pin_in_do
     glove.contact("index_tip")
     glove.advance(0.1)
     assert glove._glove.plant("tactiles").truth()["latched"][1] == "on"  # pyright: ignore[reportOptionalMemberAccess]
+
+
+@pytest.mark.parametrize("core", ["py"])
+def test_whoever_interrupts_going_off_leaves_the_boards_stopped(glove: OpenGlove, monkeypatch: pytest.MonkeyPatch):
+    glove.arm()
+    glove.contact("index_tip")
+    glove.brake("index", volts=800, ttl_s=30.0)
+    glove.advance(0.1)
+
+    def interrupted(*_: object) -> bool:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(glove._glove, "_wait", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            glove.off()
+    glove.advance(0.3)
+    assert glove.state().armed == ()
+    Truth(glove).stays_quiet(0.2)
