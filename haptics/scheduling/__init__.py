@@ -1,13 +1,12 @@
 """Which pulse when: heat accounts, the current limit, priorities, and how long one may have to wait."""
 
 from haptics.scheduling.latency import latency_bound_s, sustained_latency_bound_s
-from haptics.scheduling.limits import BOARD_COIL_A, CoilLimits
+from haptics.scheduling.limits import CoilLimits
 from haptics.scheduling.requests import CoilPulse, Outcome, Priority, Request, Stroke, burst, contact, pulse, release
 from haptics.scheduling.scheduler import Scheduler
 from haptics.scheduling.thermal_budget import ThermalBudget
 
 __all__ = [
-    "BOARD_COIL_A",
     "CoilLimits",
     "CoilPulse",
     "Outcome",

@@ -8,9 +8,6 @@ from dataclasses import dataclass
 from haptics.errors import InputError
 from haptics.units import in_range
 
-BOARD_COIL_A = 3.907
-"""What a board counts each coil at: 5 V on 1.38 - 0.1 ohm (thesis 3.4.3). A host that counts less admits what it refuses."""
-
 
 @dataclass(frozen=True)
 class CoilLimits:

@@ -23,7 +23,7 @@ from haptics.link.runner import VirtualRunner, connect, finish
 from haptics.link.session import LinkSession
 from haptics.link.simulated import SimulatedPort, simulated
 from haptics.physics.thermal import ThermalParameters
-from haptics.scheduling import BOARD_COIL_A, CoilLimits, ThermalBudget
+from haptics.scheduling import CoilLimits, ThermalBudget
 from haptics.session.configuration import BrakeConfiguration, TactilesConfiguration
 from haptics.session.faults import fault_names
 from haptics.time import NS_PER_MS, NS_PER_S, MonotonicClock, VirtualClock, seconds_to_ns
@@ -142,8 +142,7 @@ class Glove:
             parameters = ThermalParameters() if own is None else ThermalParameters(tau_s=own.tau_s, c_k_per_w=own.c_k_per_w)
             budgets.append(ThermalBudget(parameters, part.rise_limit_k))
             powers.append(18.0 if own is None else own.power_w)
-        current_a = max(part.coil_current_a, BOARD_COIL_A)
-        limits = CoilLimits(part.current_limit_a, current_a, tuple(powers), HANDOVER_S)
+        limits = CoilLimits(part.current_limit_a, part.coil_current_a, tuple(powers), HANDOVER_S)
         return TactilesDriver(self.links["tactiles"], part.sites, limits, budgets, part.contact_pulse_s)
 
     def _brake_driver(self, part: BrakeConfiguration) -> BrakeDriver:

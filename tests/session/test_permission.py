@@ -5,6 +5,7 @@ Judged by the plants: no volts, no piezo, no coil energy, no pin that moves.
 
 from __future__ import annotations
 
+import random
 from collections.abc import Callable
 
 import pytest
@@ -137,6 +138,7 @@ MENDED = {"tactiles": {"coil_short": 0, "supply_v": 5.0}, "brake": {"lid_open": 
 
 def hand_back(glove: OpenGlove) -> None:
     """What a person does who has looked: mend the cause, clear what is latched."""
+    glove.advance(0.3)  # a board that rebooted is known by then
     for name, link in glove._glove.links.items():
         glove._glove.plant(name).set_load(0, **MENDED[name])  # pyright: ignore[reportOptionalMemberAccess]
         link.send("disarm", now_ns=glove._glove.now_ns())
@@ -319,3 +321,26 @@ def test_whoever_interrupts_going_off_leaves_the_boards_stopped(glove: OpenGlove
     glove.advance(0.3)
     assert glove.state().armed == ()
     Truth(glove).stays_quiet(0.2)
+
+
+@pytest.mark.parametrize("core", ["py"])
+@pytest.mark.parametrize("seed", range(5))
+def test_armed_again_after_any_way_at_any_phase_nothing_is_energised(glove: OpenGlove, seed: int):
+    """The moment of the disarm falls anywhere between a wish, its command, the answer, its start and its end."""
+    rng = random.Random(seed)
+    ways = [way for way in WAYS if not way.startswith("lost")]
+    for _ in range(4):
+        glove.arm()
+        wish(glove)
+        glove.advance(rng.choice([0.0, 0.0005, 0.001, 0.002, 0.003, 0.004, rng.uniform(0, 0.03), rng.uniform(0, 0.9)]))
+        way = rng.choice(ways)
+        WAYS[way](glove)
+        glove.advance(rng.choice([0.0, 0.001, 0.02, CLEAR_S]))
+        if rng.random() < 0.3:
+            wish(glove)
+        glove.off()
+        hand_back(glove)
+        glove.arm()
+        Truth(glove).stays_quiet(0.3)
+        glove.off()
+        glove.advance(CLEAR_S)
