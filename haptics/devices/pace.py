@@ -26,11 +26,13 @@ class TickSpacing:
 
     def observe(self, now_ns: int) -> None:
         """A tick at ``now_ns``."""
-        if self._last_ns is not None:
-            self._spacings_ns.append(now_ns - self._last_ns)
-        self._last_ns = now_ns
-        if len(self._spacings_ns) > _REMEMBERED // 2:
-            self.ns = sorted(self._spacings_ns)[len(self._spacings_ns) // 2]
+        last_ns, self._last_ns = self._last_ns, now_ns
+        if last_ns is None:
+            return
+        spacings_ns = self._spacings_ns
+        spacings_ns.append(now_ns - last_ns)
+        if now_ns - last_ns != self.ns and len(spacings_ns) > _REMEMBERED // 2:  # one more like the median leaves it as it is
+            self.ns = sorted(spacings_ns)[len(spacings_ns) // 2]
 
     @property
     def lead_ns(self) -> int:

@@ -144,9 +144,8 @@ class TactilesDriver:
         self._now_ns = now_ns
         self._spacing.observe(now_ns)
         first_ns, last_ns = now_ns + SHORTEST_LEAD_NS, now_ns + self._spacing.lead_ns
-        for channel in [channel for channel, due_ns in self._again.items() if due_ns <= now_ns]:
-            del self._again[channel]
-            self._set_pin(self.sites[channel], self._pins[channel].wanted_out, now_ns, None)
+        if self._again:
+            self._try_again(now_ns)
         pulses: list[CoilPulse] = []
         outcomes: list[Outcome] = []
         while self._later and self._later[0][0] <= last_ns:
@@ -160,8 +159,14 @@ class TactilesDriver:
             self._commands.send(pulses, now_ns)
         for outcome in outcomes:
             self._settle(outcome)
-        for token in self._commands.read():
-            self._close(token)
+        if not self._commands.idle:
+            for token in self._commands.read():
+                self._close(token)
+
+    def _try_again(self, now_ns: int) -> None:
+        for channel in [channel for channel, due_ns in self._again.items() if due_ns <= now_ns]:
+            del self._again[channel]
+            self._set_pin(self.sites[channel], self._pins[channel].wanted_out, now_ns, None)
 
     def _give_out(self, first_ns: int, last_ns: int, pulses: list[CoilPulse], outcomes: list[Outcome]) -> None:
         more_pulses, more_outcomes = self._scheduler.step(first_ns, last_ns)

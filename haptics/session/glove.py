@@ -161,7 +161,8 @@ class Glove:
     def follow(self, to_ns: int) -> None:
         """Bring links (and in virtual time boards) to ``to_ns`` and take in what they report; drivers are not ticked."""
         for name, link in self.links.items():
-            self._notice_silence(name, link)
+            if link.armed:
+                self._notice_silence(name, link)
         if isinstance(self._runner, VirtualRunner):
             self._runner.run_until(to_ns)
         else:
@@ -176,7 +177,7 @@ class Glove:
         """The host was away for longer than a board waits: that board has made itself safe, and is told to be, in any case."""
         now_ns = self.now_ns()
         silent_ns = now_ns - link.session.last_sent_ns
-        if not link.armed or silent_ns <= link.identity.dead_man * NS_PER_MS:
+        if silent_ns <= link.identity.dead_man * NS_PER_MS:
             return
         silent = f"host silent for {silent_ns / NS_PER_MS:.0f} ms; board made itself safe; arm again"
         self._fault(f"{name}: {silent}")
