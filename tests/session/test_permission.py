@@ -192,6 +192,37 @@ def test_what_is_asked_for_unarmed_is_denied_at_once_and_forgotten(glove: OpenGl
 
 
 @pytest.mark.parametrize("core", ["py"])
+@pytest.mark.parametrize("way", [way for way in WAYS if way not in ("off", "failed arming", "dead-man")])
+def test_a_board_that_is_no_longer_armed_is_asked_for_nothing_more(glove: OpenGlove, way: str):
+    glove.arm()
+    glove.contact("thumb_tip")
+    glove.advance(0.05)
+    wish(glove)
+    glove.advance(0.1)
+    WAYS[way](glove)
+    glove.advance(0.06)
+    down = {"tactiles", "brake"} - set(glove.state().armed)
+    array, brakes = glove._glove.tactiles, glove._glove.brakes
+    assert down
+    assert array is not None
+    assert brakes is not None
+    glove.results()
+    brakes.take_refusals()
+    glove.contact("little_tip")
+    brakes.engage("index", 300, glove._glove.now_ns())
+    if "tactiles" in down:
+        assert array.idle
+        assert [result.reason for result in glove.results()] == ["unarmed"]
+        glove.advance(0.3)
+        assert glove.results() == []
+    if "brake" in down:
+        assert [one.reason for one in brakes.take_refusals()] == ["unarmed"]
+        assert brakes.engaged() == {}
+        glove.advance(0.3)
+        assert brakes.take_refusals() == []
+
+
+@pytest.mark.parametrize("core", ["py"])
 @pytest.mark.parametrize("way", ["lid", "leak", "brown-out of the brake", "lost brake", "reboot of the brake"])
 def test_a_fault_of_the_brake_keeps_no_pin_out_when_going_off(glove: OpenGlove, way: str):
     glove.arm()
@@ -290,18 +321,22 @@ def test_a_pin_stays_believed_in_across_a_disarm_and_can_be_released_after(glove
 @pytest.mark.parametrize("core", ["py"])
 def test_a_stroke_that_a_board_took_and_may_not_have_played_leaves_its_pin_in_doubt(glove: OpenGlove):
     glove.arm()
-    glove.contact("index_tip")
-    glove.advance(0.002)
-    another_host("stop")(glove)  # acknowledged by then, not begun
+    array, now_ns = glove._glove.tactiles, glove._glove.now_ns()
+    assert array is not None
+    array.contact("index_tip", now_ns, at_ns=now_ns + 10 * NS_PER_MS)
+    glove.advance(0.0095)
+    assert [result.played for result in glove.results()] == [True]  # acknowledged, not begun
+    another_host("stop")(glove)
     glove.advance(CLEAR_S)
+    assert set(glove._glove.plant("tactiles").truth()["latched"]) == {"off"}  # pyright: ignore[reportOptionalMemberAccess]
     glove.arm()
     assert glove.state().pins_out == ("index_tip",), "it may be out"
+    glove.contact("index_tip")  # and it may be in
+    glove.advance(0.1)
+    assert glove._glove.plant("tactiles").truth()["latched"][1] == "on"  # pyright: ignore[reportOptionalMemberAccess]
     glove.release("index_tip")
     glove.advance(0.1)
     assert glove.state().pins_out == ()
-    glove.contact("index_tip")
-    glove.advance(0.1)
-    assert glove._glove.plant("tactiles").truth()["latched"][1] == "on"  # pyright: ignore[reportOptionalMemberAccess]
 
 
 @pytest.mark.parametrize("core", ["py"])
