@@ -63,7 +63,7 @@ def wish(glove: OpenGlove) -> None:
 
 def host_is_away(glove: OpenGlove) -> None:
     clock = glove._glove.clock
-    clock.advance_to(clock.now_ns() + 150 * NS_PER_MS)  # pyright: ignore[reportAttributeAccessIssue]
+    clock.advance_to(clock.now_ns() + 150 * NS_PER_MS)
 
 
 def another_host(command: str) -> Callable[[OpenGlove], None]:
@@ -75,7 +75,7 @@ def another_host(command: str) -> Callable[[OpenGlove], None]:
 
 
 def load(board: str, **what: float) -> Callable[[OpenGlove], None]:
-    return lambda glove: glove._glove.plant(board).set_load(0, **what)  # pyright: ignore[reportOptionalMemberAccess]
+    return lambda glove: glove._glove.plant(board).set_load(0, **what)
 
 
 def short_a_coil(glove: OpenGlove) -> None:
@@ -99,7 +99,7 @@ def disarmed(glove: OpenGlove) -> None:
 
 
 def reboot(board: str) -> Callable[[OpenGlove], None]:
-    return lambda glove: glove._glove.plant(board).board.reset()  # pyright: ignore[reportOptionalMemberAccess]
+    return lambda glove: glove._glove.plant(board).board.reset()
 
 
 def failed_arming(glove: OpenGlove) -> None:
@@ -140,7 +140,7 @@ def hand_back(glove: OpenGlove) -> None:
     """What a person does who has looked: mend the cause, clear what is latched."""
     glove.advance(0.3)  # a board that rebooted is known by then
     for name, link in glove._glove.links.items():
-        glove._glove.plant(name).set_load(0, **MENDED[name])  # pyright: ignore[reportOptionalMemberAccess]
+        glove._glove.plant(name).set_load(0, **MENDED[name])
         link.send("disarm", now_ns=glove._glove.now_ns())
     glove.advance(CLEAR_S)
 
@@ -184,8 +184,8 @@ def test_armed_again_while_armed_every_board_drops_what_it_was_asked_for(glove: 
 @on_every_core
 def test_what_is_asked_for_unarmed_is_denied_at_once_and_forgotten(glove: OpenGlove):
     wish(glove)
-    assert {result.reason for result in glove._glove.tactiles.take_results()} == {"unarmed"}  # pyright: ignore[reportOptionalMemberAccess]
-    refusals = glove._glove.brakes.take_refusals()  # pyright: ignore[reportOptionalMemberAccess]
+    assert {result.reason for result in glove._glove.tactiles.take_results()} == {"unarmed"}
+    refusals = glove._glove.brakes.take_refusals()
     assert [(one.command, one.reason) for one in refusals] == [("drive", "unarmed")] * 2 + [("piezo", "unarmed")]
     glove.arm()
     Truth(glove).stays_quiet()
@@ -234,7 +234,7 @@ def test_a_fault_of_the_brake_keeps_no_pin_out_when_going_off(glove: OpenGlove, 
     assert glove.state().faults
     assert "tactiles" in glove.state().armed
     glove.off()
-    array = glove._glove.plant("tactiles").truth()  # pyright: ignore[reportOptionalMemberAccess]
+    array = glove._glove.plant("tactiles").truth()
     assert set(array["latched"]) == {"off"}
     assert array["state"] == State.DISARMED
 
@@ -250,7 +250,7 @@ def test_a_fault_of_the_array_keeps_no_volts_on_when_going_off(glove: OpenGlove,
     assert "brake" in glove.state().armed
     glove.off()
     glove.advance(0.1)
-    brake = glove._glove.plant("brake").truth()  # pyright: ignore[reportOptionalMemberAccess]
+    brake = glove._glove.plant("brake").truth()
     assert max(abs(volts) for volts in brake["volts"]) < 60.0
     assert brake["state"] == State.DISARMED
 
@@ -267,7 +267,7 @@ def test_an_old_fault_is_history_and_the_next_off_withdraws_pins(glove: OpenGlov
     glove.advance(0.1)
     assert glove.state().faults
     glove.off()
-    assert set(glove._glove.plant("tactiles").truth()["latched"]) == {"off"}  # pyright: ignore[reportOptionalMemberAccess]
+    assert set(glove._glove.plant("tactiles").truth()["latched"]) == {"off"}
 
 
 @pytest.mark.parametrize("core", ["py"])
@@ -278,9 +278,9 @@ def test_going_off_withdraws_pins_before_it_drops_volts(glove: OpenGlove):
         glove.contact(site)
     glove.advance(0.2)
     for name in ("tactiles", "brake"):
-        glove._glove.plant(name).truth()  # pyright: ignore[reportOptionalMemberAccess]
+        glove._glove.plant(name).truth()
     glove.off()
-    events = {name: glove._glove.plant(name).truth()["events"] for name in ("tactiles", "brake")}  # pyright: ignore[reportOptionalMemberAccess]
+    events = {name: glove._glove.plant(name).truth()["events"] for name in ("tactiles", "brake")}
     last_pin_ns = max(event[0] for event in events["tactiles"])
     shorted_ns = min(event[0] for event in events["brake"] if event[2] == "shorted")
     assert last_pin_ns < shorted_ns
@@ -293,7 +293,7 @@ def test_a_missed_dead_man_is_said_at_once_and_energy_is_gone(glove: OpenGlove):
     glove.brake("index", volts=800, ttl_s=30.0)
     glove.advance(0.1)
     clock = glove._glove.clock
-    clock.advance_to(clock.now_ns() + 134 * NS_PER_MS)  # pyright: ignore[reportAttributeAccessIssue]
+    clock.advance_to(clock.now_ns() + 134 * NS_PER_MS)
     glove.advance(0.001)
     said = [fault for fault in glove.state().faults if "host silent for" in fault]
     assert len(said) == 2
@@ -315,7 +315,7 @@ def test_a_pin_stays_believed_in_across_a_disarm_and_can_be_released_after(glove
     glove.release("index_tip")
     glove.advance(0.1)
     assert glove.state().pins_out == ()
-    assert set(glove._glove.plant("tactiles").truth()["latched"]) == {"off"}  # pyright: ignore[reportOptionalMemberAccess]
+    assert set(glove._glove.plant("tactiles").truth()["latched"]) == {"off"}
 
 
 @pytest.mark.parametrize("core", ["py"])
@@ -328,12 +328,12 @@ def test_a_stroke_that_a_board_took_and_may_not_have_played_leaves_its_pin_in_do
     assert [result.played for result in glove.results()] == [True]  # acknowledged, not begun
     another_host("stop")(glove)
     glove.advance(CLEAR_S)
-    assert set(glove._glove.plant("tactiles").truth()["latched"]) == {"off"}  # pyright: ignore[reportOptionalMemberAccess]
+    assert set(glove._glove.plant("tactiles").truth()["latched"]) == {"off"}
     glove.arm()
     assert glove.state().pins_out == ("index_tip",), "it may be out"
     glove.contact("index_tip")  # and it may be in
     glove.advance(0.1)
-    assert glove._glove.plant("tactiles").truth()["latched"][1] == "on"  # pyright: ignore[reportOptionalMemberAccess]
+    assert glove._glove.plant("tactiles").truth()["latched"][1] == "on"
     glove.release("index_tip")
     glove.advance(0.1)
     assert glove.state().pins_out == ()
