@@ -27,7 +27,7 @@ from haptics.link.messages import TICK_HZ, Board, State
 BAUD = 500_000
 START_TICK = 0xFFFF - 305 << 16
 """The count with which the firmware's clock begins (``firmware/avr/clock.c``)."""
-SETTINGS_AT, BOOTS_AT = 0, 12
+SETTINGS_AT, BOOTS_AT = 0, 14
 """Where the EEPROM holds the settings with their checksum, and the number of boots (``firmware/avr/store.c``)."""
 _U32 = 1 << 32
 _UART_CYCLES = 8
@@ -179,7 +179,7 @@ def _check(options: Mapping[str, Any]) -> None:
 
 def eeprom(settings: CoreSettings, boots: int) -> bytes:
     """What a lab would have written into the EEPROM: the settings, their checksum, and the boots so far."""
-    packed = struct.pack("<5H", *settings.limits, settings.nominal_pf)
+    packed = struct.pack("<6H", *settings.limits, settings.nominal_pf)
     return packed + struct.pack("<HI", crc16.ibm_sdlc(packed), boots)
 
 

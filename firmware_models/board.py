@@ -69,7 +69,7 @@ class FirmwareModel:
     build: bytes
     telemetry_name: str
     stricter_upward: frozenset[int] = frozenset()
-    """Which of the four limits are made stricter by raising them."""
+    """Which of the limits are made stricter by raising them."""
 
     @classmethod
     def options(cls) -> dict[str, Option]:
@@ -77,7 +77,7 @@ class FirmwareModel:
         raise NotImplementedError
 
     @classmethod
-    def built_limits(cls, options: Mapping[str, Any]) -> tuple[int, int, int, int]:
+    def built_limits(cls, options: Mapping[str, Any]) -> tuple[int, ...]:
         """Limits at power-on, in the order of ``identity.limits``; a host may only lower them."""
         raise NotImplementedError
 

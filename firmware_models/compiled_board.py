@@ -19,7 +19,7 @@ from firmware_models.core_settings import core_settings
 from firmware_models.toolchain import host_library
 from firmware_models.uart import NEVER_NS, Line
 from haptics.errors import InputError
-from haptics.link.messages import Board, State
+from haptics.link.messages import LIMITS, Board, State
 
 _U32 = ctypes.c_uint32
 _TRANSMIT = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.POINTER(ctypes.c_uint8), _U32)
@@ -29,7 +29,7 @@ _CONVERT = ctypes.CFUNCTYPE(_U32, ctypes.c_void_p, _U32)
 
 
 class _Settings(ctypes.Structure):
-    _fields_ = (("limits", ctypes.c_uint16 * 4), ("nominal_pf", ctypes.c_uint16))
+    _fields_ = (("limits", ctypes.c_uint16 * LIMITS), ("nominal_pf", ctypes.c_uint16))
 
 
 class _Calls(ctypes.Structure):
@@ -73,7 +73,7 @@ class CompiledBoard:
         self.kind = kind
         settings = core_settings(kind, options)
         self.limits = settings.limits
-        self._settings = _Settings((ctypes.c_uint16 * 4)(*settings.limits), settings.nominal_pf)
+        self._settings = _Settings((ctypes.c_uint16 * LIMITS)(*settings.limits), settings.nominal_pf)
         self._boots = Boots(options, kind)
         self.pins = (CoilPins if kind == Board.TACTILES else BrakePins)(options, self._boots.plant_rng, start_ns)
         self.start_ns = self.now_ns = start_ns

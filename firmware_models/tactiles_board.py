@@ -23,10 +23,11 @@ from haptics.physics.latch_parameters import LONGEST_PULSE_S
 
 QUEUE_DEPTH = 64
 LEAST_SUPPLY_MV = 3000
+ON_TIME_MS = 2500
 TOO_MANY_COILS = 1 << 15
 _ALL_CHANNELS = (1 << COIL_CHANNELS) - 1
 _TICKS_PER_UNIT = DURATION_UNIT_US * TICKS_PER_US
-_LONGEST_PULSE, _COIL_CURRENT, _QUEUE, _LEAST_SUPPLY = range(4)  # the order of identity.limits
+_LONGEST_PULSE, _COIL_CURRENT, _QUEUE, _LEAST_SUPPLY, _ON_TIME = range(5)  # the order of identity.limits
 
 
 class Pulse(NamedTuple):
@@ -57,9 +58,9 @@ class TactilesBoard(FirmwareModel):
         }
 
     @classmethod
-    def built_limits(cls, options: Mapping[str, Any]) -> tuple[int, int, int, int]:
+    def built_limits(cls, options: Mapping[str, Any]) -> tuple[int, ...]:
         longest = round(LONGEST_PULSE_S * 1e6) // DURATION_UNIT_US
-        return (longest, round(1000 * options["current_limit_a"]), QUEUE_DEPTH, LEAST_SUPPLY_MV)
+        return (longest, round(1000 * options["current_limit_a"]), QUEUE_DEPTH, LEAST_SUPPLY_MV, ON_TIME_MS)
 
     def __init__(self, options: Mapping[str, Any], transmitter: Line, start_ns: int):
         super().__init__(options, transmitter, start_ns)
@@ -172,7 +173,7 @@ class TactilesBoard(FirmwareModel):
 
     def _telemetry(self) -> tuple[Any, ...]:
         milliamps = min(round(1000 * self.plant.current_a(self.now_ns)), 0xFFFF)
-        return (self._played, self._supply_mv(), milliamps, len(self._queue))
+        return (self._played, [0] * COIL_CHANNELS, self._supply_mv(), milliamps, len(self._queue))
 
     # Seen from outside.
 

@@ -54,7 +54,7 @@ class LinkSession:
 
     :param board: the board expected, or None to take whichever answers.
     :param port_name: how errors name the port.
-    :param limits: four stricter limits to configure, in the order of ``identity.limits``, or None.
+    :param limits: stricter limits to configure, in the order of ``identity.limits``, or None.
     :param baud: of the line, 0 if nobody knows; see ``ClockExchanges``.
     :param tap: called with ``(time_ns, "in" | "out", bytes)`` for every byte both ways.
     """

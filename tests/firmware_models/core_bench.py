@@ -19,12 +19,12 @@ MS = 2000
 BYTE_TICKS = 40  # ten bits at 500 kbaud
 FEED = 1 << 15
 BOOT_ID = 0xC0FFEE01
-BUILT = {Board.TACTILES: (200, 12_000, 64, 3000), Board.BRAKE: (1500, 500, 10_000, 2000)}
+BUILT = {Board.TACTILES: (200, 12_000, 64, 3000, 2500), Board.BRAKE: (1500, 500, 10_000, 2000, 45_000)}
 SUPPLY, CURRENT = 0, 1  # senses of the coil board
 
 
 class Settings(ctypes.Structure):
-    _fields_ = (("limits", ctypes.c_uint16 * 4), ("nominal_pf", ctypes.c_uint16))
+    _fields_ = (("limits", ctypes.c_uint16 * 5), ("nominal_pf", ctypes.c_uint16))
 
 
 _TRANSMIT = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.POINTER(ctypes.c_uint8), ctypes.c_uint32)
@@ -138,7 +138,7 @@ class Bench:
             _CONVERT(lambda _, channel: self.senses(channel)),
             _BUSY(lambda _: self.lid_closed),
         )
-        settings = Settings((ctypes.c_uint16 * 4)(*(limits or BUILT[board])), nominal_pf)
+        settings = Settings((ctypes.c_uint16 * 5)(*(limits or BUILT[board])), nominal_pf)
         self._host = library.host_new(
             board, ctypes.byref(settings), BOOT_ID, brown_out, start % WRAP, ctypes.byref(self._calls), None
         )

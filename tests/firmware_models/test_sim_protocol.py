@@ -236,7 +236,7 @@ def test_telemetry_keeps_to_its_share_of_a_slow_line(host, baud) -> None:
     h.run(200)
     before = len(h.all("tactiles_telemetry"))
     h.run(5000)
-    bits = 10 * 53 * (len(h.all("tactiles_telemetry")) - before)  # a tactiles telemetry frame has 53 bytes
+    bits = 10 * 68 * (len(h.all("tactiles_telemetry")) - before)  # a tactiles telemetry frame has 68 bytes
     assert bits <= 0.4 * baud * 5 + 530
     assert bits > 0
 

@@ -170,15 +170,15 @@ def test_any_board_is_taken_if_none_is_named():
 
 
 def test_stricter_limits_are_configured_before_ready():
-    bench = Bench(LinkSession(Board.TACTILES, "double", limits=(160, 2000, 32, 4500)), BoardDouble())
+    bench = Bench(LinkSession(Board.TACTILES, "double", limits=(160, 2000, 32, 4500, 2500)), BoardDouble())
     bench.session.start(0)
     bench.run(50)
     assert bench.session.ready
-    assert [(t, p) for t, _, p in bench.board.carried_out] == [(CONFIGURE, struct.pack("<4H", 160, 2000, 32, 4500))]
+    assert [(t, p) for t, _, p in bench.board.carried_out] == [(CONFIGURE, struct.pack("<5H", 160, 2000, 32, 4500, 2500))]
 
 
 def test_looser_limits_fail_the_handshake_in_words():
-    bench = Bench(LinkSession(Board.TACTILES, "double", limits=(201, 2000, 32, 4500)), BoardDouble())
+    bench = Bench(LinkSession(Board.TACTILES, "double", limits=(201, 2000, 32, 4500, 2500)), BoardDouble())
     bench.session.start(0)
     bench.run(50)
     assert isinstance(bench.session.error, CommandRefused)

@@ -1,5 +1,5 @@
-/* EEPROM: bytes 0 to 9 the settings (four limits and the nominal capacitance, u16 each), 10 and 11 their
- * CRC-16/X-25, 12 to 15 the number of boots. Little endian. */
+/* EEPROM: bytes 0 to 11 the settings (five limits and the nominal capacitance, u16 each), 12 and 13 their
+ * CRC-16/X-25, 14 to 17 the number of boots. Little endian. */
 
 #include "store.h"
 
@@ -9,8 +9,8 @@
 #include "wiring.h"
 
 #define SETTINGS_AT ((const void *)0)
-#define CRC_AT ((const uint16_t *)10)
-#define BOOTS_AT ((uint32_t *)12)
+#define CRC_AT ((const uint16_t *)12)
+#define BOOTS_AT ((uint32_t *)14)
 
 static uint16_t sum_of(const struct settings *settings)
 {
