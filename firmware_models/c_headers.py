@@ -17,10 +17,12 @@ from haptics.link.messages import MESSAGES, Board, Fault, Message, State, Status
 from haptics.physics.brake_drive import DRIVE
 from haptics.physics.brake_parameters import BRAKE, GREATEST_VOLTS, capacitance_f
 from haptics.physics.latch_parameters import LATCH, LONGEST_PULSE_S, NOMINAL_VOLTS
+from haptics.physics.thermal import THERMAL
 
 CORE = Path(__file__).parent / "firmware" / "core"
 _BYTES = {"u8": 1, "u16": 2, "u32": 4, "char": 1}
 _COIL_CURRENT_MA = 12_000  # a setting
+_HEAT_SHIFT = 12
 _RESISTANCE_SPREAD_OHM = 0.1  # thesis 3.4.3
 
 
@@ -61,6 +63,7 @@ def constants_header() -> str:
     page = "docs/reference/protocol.md"
     worst_coil_ma = math.ceil(1e3 * NOMINAL_VOLTS / (LATCH.resistance_ohm - _RESISTANCE_SPREAD_OHM))
     nominal_f = capacitance_f(BRAKE.overlap_m2, BRAKE.thickness_m, BRAKE.permittivity)
+    heat_step_s = -THERMAL.tau_s * math.log1p(-(2.0**-_HEAT_SHIFT))
     both = (
         Constant("DEAD_MAN_MS", 100, "ms", page),
         Constant("DEAD_MAN_TICKS", _ticks(100e-3), "ticks", "the same"),
@@ -75,6 +78,10 @@ def constants_header() -> str:
         Constant("PULSE_QUEUE", 64, "pulses", "a setting"),
         Constant("LEAST_SUPPLY_MV", 3000, "mV", "a setting"),
         Constant("ON_TIME_MS", 2500, "ms", f"of account: 30.4 K on a nominal tactor, {page}"),
+        Constant("HEAT_SHIFT", _HEAT_SHIFT, "", "an account loses 2^-12 of itself each"),
+        Constant("HEAT_STEP_TICKS", _ticks(heat_step_s), "ticks", f"a time constant of {THERMAL.tau_s:g} s, thesis 3.5.2"),
+        Constant("WARM_MS", 100, "ms", f"of account, more than which is noted, {page}"),
+        Constant("COOLED_MS", 50, "ms", "of account, less than which the note is taken back: a setting"),
         Constant("NO_CURRENT_MA", 200, "mA", "a coil draws 3400 or more, the sense resolves 64"),
         Constant("COIL_CURRENT_TICKS", _ticks(2e-3), "ticks", f"2 ms, {page}"),
     )

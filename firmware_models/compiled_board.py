@@ -19,7 +19,7 @@ from firmware_models.core_settings import core_settings
 from firmware_models.toolchain import host_library
 from firmware_models.uart import NEVER_NS, Line
 from haptics.errors import InputError
-from haptics.link.messages import LIMITS, Board, State
+from haptics.link.messages import COIL_CHANNELS, LIMITS, Board, State
 
 _U32 = ctypes.c_uint32
 _TRANSMIT = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.POINTER(ctypes.c_uint8), _U32)
@@ -30,6 +30,16 @@ _CONVERT = ctypes.CFUNCTYPE(_U32, ctypes.c_void_p, _U32)
 
 class _Settings(ctypes.Structure):
     _fields_ = (("limits", ctypes.c_uint16 * LIMITS), ("nominal_pf", ctypes.c_uint16))
+
+
+class _CoilHeat(ctypes.Structure):
+    _fields_ = (("on_time", ctypes.c_uint32), ("check", ctypes.c_uint16))
+
+
+class _Memory(ctypes.Structure):
+    """What outlives a boot; all zeros in a new board."""
+
+    _fields_ = (("heat", _CoilHeat * COIL_CHANNELS), ("notes", ctypes.c_uint8))
 
 
 class _Calls(ctypes.Structure):
@@ -47,7 +57,13 @@ def _library() -> ctypes.CDLL:
     library = ctypes.CDLL(str(host_library()))
     host = ctypes.c_void_p
     signatures = {
-        "host_new": (host, [_U32, ctypes.POINTER(_Settings), _U32, _U32, _U32, ctypes.POINTER(_Calls), ctypes.c_void_p]),
+        "host_new": (
+            host,
+            [
+                *(_U32, ctypes.POINTER(_Settings), _U32, _U32, _U32),
+                *(ctypes.POINTER(_Memory), ctypes.POINTER(_Calls), ctypes.c_void_p),
+            ],
+        ),
         "host_free": (None, [host]),
         "host_receive": (None, [host, ctypes.c_char_p, _U32, _U32]),
         "host_run": (None, [host, _U32]),
@@ -87,6 +103,7 @@ class CompiledBoard:
             _CONVERT(self._guarded(self._convert)),
             _ASK(self._guarded(self._interlock_closed)),
         )
+        self._memory = _Memory()
         self._next_ns = NEVER_NS
         self._free: Callable[[], object] = lambda: None
         self._boot(brown_out=False)
@@ -105,7 +122,8 @@ class CompiledBoard:
         return self._library.host_faults(self._host)
 
     def brown_out(self) -> None:
-        """The CPU's supply breaks down for a moment: outputs off at once, and a reboot."""
+        """The CPU's supply breaks down for a moment: outputs off at once, memory lost, and a reboot."""
+        ctypes.memset(self._memory.heat, 0, ctypes.sizeof(self._memory.heat))
         self._restart(brown_out=True)
 
     def reset(self) -> None:
@@ -167,7 +185,7 @@ class CompiledBoard:
         self._free()
         self.ticks, self.boot_id = self._boots.power_on(self.now_ns)
         self._host = self._library.host_new(
-            self.kind, self._settings, self.boot_id, brown_out, self._tick(), ctypes.byref(self._calls), None
+            self.kind, self._settings, self.boot_id, brown_out, self._tick(), self._memory, ctypes.byref(self._calls), None
         )
         if not self._host:
             raise InputError(f"core = c has no board of kind {int(self.kind)}, or no memory for it; allowed: core=py")

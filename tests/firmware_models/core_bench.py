@@ -27,6 +27,16 @@ class Settings(ctypes.Structure):
     _fields_ = (("limits", ctypes.c_uint16 * 5), ("nominal_pf", ctypes.c_uint16))
 
 
+class CoilHeat(ctypes.Structure):
+    _fields_ = (("on_time", ctypes.c_uint32), ("check", ctypes.c_uint16))
+
+
+class Memory(ctypes.Structure):
+    """What outlives a boot."""
+
+    _fields_ = (("heat", CoilHeat * 15), ("notes", ctypes.c_uint8))
+
+
 _TRANSMIT = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.POINTER(ctypes.c_uint8), ctypes.c_uint32)
 _BUSY = ctypes.CFUNCTYPE(ctypes.c_uint32, ctypes.c_void_p)
 _OUTPUTS = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_uint32)
@@ -64,7 +74,10 @@ def build_library(folder: Path) -> ctypes.CDLL:
 def load_library(path: Path) -> ctypes.CDLL:
     library = ctypes.CDLL(str(path))
     u32, pointer = ctypes.c_uint32, ctypes.c_void_p
-    library.host_new.argtypes = (u32, ctypes.POINTER(Settings), u32, u32, u32, ctypes.POINTER(Calls), pointer)
+    library.host_new.argtypes = (
+        *(u32, ctypes.POINTER(Settings), u32, u32, u32),
+        *(ctypes.POINTER(Memory), ctypes.POINTER(Calls), pointer),
+    )
     library.host_new.restype = pointer
     library.host_free.argtypes = (pointer,)
     library.host_free.restype = None
@@ -119,7 +132,9 @@ class Bench:
         brown_out: bool = False,
         byte_ticks: int = BYTE_TICKS,
         nominal_pf: int = 2547,
+        memory: Memory | None = None,
     ):
+        self.memory = memory or Memory()
         self.board = board
         self.now = start
         self.word = 0
@@ -139,9 +154,8 @@ class Bench:
             _BUSY(lambda _: self.lid_closed),
         )
         settings = Settings((ctypes.c_uint16 * 5)(*(limits or BUILT[board])), nominal_pf)
-        self._host = library.host_new(
-            board, ctypes.byref(settings), BOOT_ID, brown_out, start % WRAP, ctypes.byref(self._calls), None
-        )
+        kept, calls = ctypes.byref(self.memory), ctypes.byref(self._calls)
+        self._host = library.host_new(board, ctypes.byref(settings), BOOT_ID, brown_out, start % WRAP, kept, calls, None)
 
     def close(self) -> None:
         self._library.host_free(self._host)

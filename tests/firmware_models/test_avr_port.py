@@ -90,7 +90,8 @@ def test_the_image_says_which_it_is() -> None:
 def test_settings_in_the_eeprom_hold_where_they_are_stricter_and_whole() -> None:
     stricter = CoreSettings((150, 8000, 32, 3500, 2000), 0)
     assert AvrBench(settings=stricter).ask("identify").limits == stricter.limits
-    assert AvrBench(settings=CoreSettings((250, 20_000, 200, 1000, 9000), 0)).ask("identify").limits == (200, 12_000, 64, 3000, 2500)
+    looser = CoreSettings((250, 20_000, 200, 1000, 9000), 0)
+    assert AvrBench(settings=looser).ask("identify").limits == (200, 12_000, 64, 3000, 2500)
     bench = AvrBench(settings=stricter, on=False)
     bench.chip.eeprom[0] ^= 1
     bench.reset(Cause.POWER_ON)

@@ -500,4 +500,4 @@ def test_many_boards_live_in_one_process(bench) -> None:
 
 
 def test_there_is_no_third_board(library) -> None:
-    assert library.host_new(3, None, 0, 0, 0, None, None) is None
+    assert library.host_new(3, None, 0, 0, 0, None, None, None) is None

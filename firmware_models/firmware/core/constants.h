@@ -19,6 +19,10 @@
 #define PULSE_QUEUE 64u /* pulses: a setting */
 #define LEAST_SUPPLY_MV 3000u /* mV: a setting */
 #define ON_TIME_MS 2500u /* ms: of account: 30.4 K on a nominal tactor, docs/reference/protocol.md */
+#define HEAT_SHIFT 12u /* an account loses 2^-12 of itself each */
+#define HEAT_STEP_TICKS UINT32_C(49811) /* ticks: a time constant of 102 s, thesis 3.5.2 */
+#define WARM_MS 100u /* ms: of account, more than which is noted, docs/reference/protocol.md */
+#define COOLED_MS 50u /* ms: of account, less than which the note is taken back: a setting */
 #define NO_CURRENT_MA 200u /* mA: a coil draws 3400 or more, the sense resolves 64 */
 #define COIL_CURRENT_TICKS UINT32_C(4000) /* ticks: 2 ms, docs/reference/protocol.md */
 

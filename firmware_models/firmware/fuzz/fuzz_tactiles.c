@@ -74,7 +74,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t size);
 int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t size) {
     static const uint8_t types[] = {0x01, 0x02, 0x03, 0x04, 0x04, 0x05, 0x06, 0x07, 0x10, 0x10, 0x10, 0x10, 0x10, 0x11};
     static const struct oracle tactiles = {
-        1, {{200, LIMIT_MA, 64, 3000}, 0}, types, sizeof types, reset, heard, outputs, convert, energised};
+        1, {{200, LIMIT_MA, 64, 3000, 2500}, 0}, types, sizeof types, reset, heard, outputs, convert, energised};
     play(&tactiles, bytes, size);
     return 0;
 }

@@ -18,7 +18,7 @@ _PLACES = 8
 @RULES.rule("drive.values", "A field outside its limit is bad_value, detail its index", BRAKES, arms=True)
 def _drive_values(host: RawHost) -> str:
     mask, channel = armed_brake(host)
-    volts, _, frequency, ttl = host.identity.limits
+    volts, _, frequency, ttl, _ = host.identity.limits
     farad = host.telemetry().capacitance[channel] * 1e-12
     start = host.tick_in(300)
     bad: list[tuple[int, tuple[int, int, int, int]]] = [
