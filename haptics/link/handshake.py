@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cache
 from typing import Any, Protocol
 
@@ -14,6 +15,7 @@ from haptics.link.messages import (
     BY_NAME,
     COIL_CHANNELS,
     DEFAULT_BAUD,
+    LIMIT_NAMES,
     MESSAGES,
     PROTOCOL_VERSION,
     TICK_HZ,
@@ -22,7 +24,7 @@ from haptics.link.messages import (
 )
 from haptics.time import NS_PER_S
 
-_FLASH = "flash the firmware that belongs to this package: make firmware-flash BOARD=tactiles|brake PORT=..."
+FLASH = "flash the firmware that belongs to this package: make firmware-flash BOARD=tactiles|brake PORT=..."
 _CHANNELS: dict[int, int] = {Board.TACTILES: COIL_CHANNELS, Board.BRAKE: BRAKE_CHANNELS}
 _NOT_COMMANDS = ("identify", "sync", "keepalive")
 _SCHEMA_HASH = schema_hash()
@@ -79,7 +81,15 @@ def mismatch(identity: Any, expected: Board | None) -> tuple[str, str] | None:
         seen = f"this is the {Board(identity.board).name.lower()} board, not {expected.name.lower()}"
         return seen, "are the two ports swapped?"
     seen = _strange(identity)
-    return None if seen is None else (seen, _FLASH)
+    return None if seen is None else (seen, FLASH)
+
+
+def different_limits(identity: Any, configured: Sequence[int]) -> str | None:
+    """Where a board's limits are not those configured, in words; None where all are."""
+    names = LIMIT_NAMES[Board(identity.board)]
+    rows = zip(names, identity.limits, configured, strict=True)
+    wrong = [f"{name} {kept} {unit}, configured: {asked} {unit}" for (name, unit), kept, asked in rows if kept != asked]
+    return f"it said ok, and keeps to {'; '.join(wrong)}" if wrong else None
 
 
 def _strange(identity: Any) -> str | None:

@@ -37,6 +37,25 @@ class Board(IntEnum):
     BRAKE = 2
 
 
+LIMIT_NAMES: dict[Board, tuple[tuple[str, str], ...]] = {
+    Board.TACTILES: (
+        ("longest pulse", "50 us"),
+        ("coil current", "mA"),
+        ("queue depth", "pulses"),
+        ("least supply voltage", "mV"),
+        ("on-time account", "ms"),
+    ),
+    Board.BRAKE: (
+        ("amplitude", "V"),
+        ("supply current", "uA"),
+        ("frequency", "0.1 Hz"),
+        ("longest ttl", "ms"),
+        ("stored charge", "nC"),
+    ),
+}
+"""Name and unit of each of ``identity.limits``, in their order."""
+
+
 class Status(IntEnum):
     """What a board says to a command."""
 

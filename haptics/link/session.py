@@ -32,6 +32,8 @@ _DOWN = (int(State.DISARMED), int(State.FAULT))
 _TIMED = frozenset(m.name for m in MESSAGES if m.sender == "host" and m.fields and m.fields[0].name == "time")
 _SIZES = {m.type: payload_size(m.name) for m in MESSAGES if m.sender == "board"}
 _KEEPALIVE = encode_frame(BY_NAME["keepalive"].type, 0)
+_IDENTITIES = 3
+"""That tell other limits than were configured, before the board is not believed."""
 
 
 class Phase(Enum):
@@ -54,7 +56,8 @@ class LinkSession:
 
     :param board: the board expected, or None to take whichever answers.
     :param port_name: how errors name the port.
-    :param limits: stricter limits to configure, in the order of ``identity.limits``, or None.
+    :param limits: stricter limits to configure, in the order of ``identity.limits``, or None. The board is asked afterwards what
+        it keeps to; where that is not these very limits, the handshake fails.
     :param baud: of the line, 0 if nobody knows; see ``ClockExchanges``.
     :param tap: called with ``(time_ns, "in" | "out", bytes)`` for every byte both ways.
     """
@@ -74,7 +77,8 @@ class LinkSession:
         self.expected, self.port_name, self.tap = board, port_name, tap
         self._baud = baud
         self.settings = settings or LinkSettings()
-        self._limits = encode("configure", tuple(limits)) if limits is not None else None
+        self._limits = tuple(limits) if limits is not None else None
+        self._configure_payload = encode("configure", self._limits) if self._limits is not None else b""
         self._events: deque[happened.Event] = deque()
         self._now_ns = 0
         self._deadline_ns = NEVER_NS
@@ -105,6 +109,7 @@ class LinkSession:
         self._armed_ticks = 0
         self._configuring: Pending | None = None
         self._stopping: Pending | None = None
+        self._unlike = 0  # identities since the board took its limits, none of which told them
 
     # What the owner may ask -----------------------------------------------------------------------------------------
 
@@ -309,10 +314,16 @@ class LinkSession:
         self.counters.frames_in += 1
         if message is not None and message.sender == "host":
             self.counters.echoes += 1
+        elif message is not None and message.name == "identity" and self._is_of_another_table(frame):
+            seen = f"its identity has {len(frame.payload)} bytes, this package's {_SIZES[frame.type]}"
+            self._fail(WrongFirmware(self.port_name, seen, "identify", handshake.FLASH), now_ns)
         elif message is None or len(frame.payload) != _SIZES[frame.type] or self.board not in (None, *message.boards):
             self.counters.strange_frames += 1
         elif self.phase not in (Phase.IDLE, *_OVER):
             self._handlers[frame.type](frame, decode(message.name, frame.payload), now_ns)
+
+    def _is_of_another_table(self, frame: Frame) -> bool:
+        return self.phase is Phase.IDENTIFYING and len(frame.payload) != _SIZES[frame.type]
 
     def _on_identity(self, frame: Frame, identity: Any, now_ns: int) -> None:
         mismatch = handshake.mismatch(identity, self.expected)
@@ -328,6 +339,8 @@ class LinkSession:
             self.armed = False
             self._tell(happened.Rebooted(now_ns, known.boot_id, identity.boot_id))
             self._identified(now_ns)
+        elif self.phase is Phase.CONFIGURING and self._configuring is None:
+            self._verify(now_ns)
         elif self._inquiry.reason is not None:
             self._inquiry.end()
             self._exchanges.begin(now_ns)
@@ -356,7 +369,7 @@ class LinkSession:
             self._become_ready(now_ns)
             return
         self.phase = Phase.CONFIGURING
-        self._configuring = Pending("configure", self._limits)
+        self._configuring = Pending("configure", self._configure_payload)
         self._window.submit(self._configuring)
 
     def _configured(self, now_ns: int) -> None:
@@ -364,7 +377,8 @@ class LinkSession:
         if pending is None or self.phase is not Phase.CONFIGURING:
             return
         if pending.ok:
-            self._become_ready(now_ns)
+            self._unlike = 0
+            self._suspect("its limits are verified", now_ns)
         elif pending.error is not None and self._window.alone is not None:
             self._configure(now_ns)  # a stop came in between
         else:
@@ -372,6 +386,16 @@ class LinkSession:
             advice = "limits may only be made stricter than the board's own"
             refused = CommandRefused(self.port_name, seen, "configure", status_name(pending.status), advice)
             self._fail(pending.error or refused, now_ns)
+
+    def _verify(self, now_ns: int) -> None:
+        """A board that was configured has said once more who it is, and by which limits; a late answer may be of before."""
+        different = handshake.different_limits(self.identity, self._limits or ())
+        self._unlike += 1
+        if different is None:
+            self._inquiry.end()
+            self._become_ready(now_ns)
+        elif self._unlike >= _IDENTITIES:
+            self._fail(LinkError(self.port_name, different, "configure", handshake.FLASH), now_ns)
 
     def _become_ready(self, now_ns: int) -> None:
         self.phase = Phase.READY

@@ -70,6 +70,7 @@ class BoardDouble:
     def __init__(self, boot_id: int = 0xB0070001, ticks_0: int = 12345, skew: float = 0.0, born_ns: int = 0):
         self.boot_id, self.ticks_0, self.skew, self.born_ns = boot_id, ticks_0, skew, born_ns
         self.schema_hash, self.kind, self.protocol = SCHEMA_HASH, 1, 1
+        self.limits: tuple[int, ...] = (200, 2000, 32, 4500, 2500)
         self.armed = False
         self.silent = False
         self.turn_around_ns = 50_000
@@ -108,11 +109,7 @@ class BoardDouble:
                 self.boot_id,
                 b"double",
                 100,
-                200,
-                2000,
-                32,
-                4500,
-                2500,
+                *self.limits,
             )
             return frame(0x81, seq, struct.pack("<BBBIII8sH5H", *fields))
         if type_ == SYNC:
@@ -142,8 +139,10 @@ class BoardDouble:
             self.armed = True
         elif type_ in (DISARM, STOP):
             self.armed = False
-        elif type_ == CONFIGURE and struct.unpack("<5H", payload)[0] > 200:
-            return BAD_VALUE, 0
+        elif type_ == CONFIGURE:
+            if struct.unpack("<5H", payload)[0] > 200:
+                return BAD_VALUE, 0
+            self.limits = struct.unpack("<5H", payload)
         elif type_ == PULSE:
             if not self.armed:
                 return INTERLOCK, 0

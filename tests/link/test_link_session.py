@@ -185,6 +185,65 @@ def test_looser_limits_fail_the_handshake_in_words():
     assert "stricter" in str(bench.session.error)
 
 
+def test_a_board_that_says_ok_to_limits_and_keeps_to_others_is_not_used():
+    class Deaf(BoardDouble):
+        def _carry_out(self, type_, payload, now_ns):
+            kept = self.limits
+            answer = super()._carry_out(type_, payload, now_ns)
+            self.limits = kept
+            return answer
+
+    bench = Bench(LinkSession(Board.TACTILES, "double", limits=(200, 2000, 32, 4600, 2000)), Deaf())
+    bench.session.start(0)
+    bench.run(1000)
+    assert isinstance(bench.session.error, LinkError)
+    assert "least supply voltage 4500 mV, configured: 4600 mV" in str(bench.session.error)
+    assert "on-time account 2500 ms, configured: 2000 ms" in str(bench.session.error)
+    assert "coil current" not in str(bench.session.error)
+    assert bench.happened(Failed)
+    assert not bench.happened(Ready)
+    assert bench.session.arm(bench.now_ns).error is not None
+
+
+def test_an_old_identity_that_comes_late_is_not_held_against_a_board_that_was_configured():
+    bench = Bench(LinkSession(Board.TACTILES, "double", limits=(200, 2000, 32, 4500, 2000)), BoardDouble())
+    old: list[bytes] = []
+
+    def twice(now_ns, data):
+        """The first identity comes a second time, behind the answer to configure."""
+        kind = parse(data[:-1])[0] if parse(data[:-1]) else 0
+        if kind == 0x81 and not old:
+            old.append(data)
+        return 300_000, data + (old[0] if kind == 0x90 else b"")
+
+    bench.down = twice
+    bench.session.start(0)
+    bench.run(400)
+    assert bench.session.ready
+    assert bench.session.identity.limits == (200, 2000, 32, 4500, 2000)
+
+
+def test_a_board_that_reboots_while_its_limits_are_verified_is_configured_anew():
+    bench = Bench(LinkSession(Board.TACTILES, "double", limits=(200, 2000, 32, 4500, 2000)), BoardDouble())
+    bench.session.start(0)
+    while bench.board.limits[4] != 2000:
+        bench.run(0.1)
+    bench.board.limits = (200, 2000, 32, 4500, 2500)
+    bench.board.reboot(0xB0070002, bench.now_ns)
+    bench.run(300)
+    assert bench.session.ready
+    assert bench.board.limits[4] == bench.session.identity.limits[4] == 2000
+
+
+def test_firmware_whose_identity_has_another_length_is_named_as_such(bench):
+    bench.board.handle = lambda data, now_ns: frame(0x81, 0, bytes(33))
+    bench.session.start(0)
+    bench.run(50)
+    assert isinstance(bench.session.error, WrongFirmware)
+    assert "its identity has 33 bytes, this package's 35" in str(bench.session.error)
+    assert "make firmware-flash" in str(bench.session.error)
+
+
 def test_before_ready_commands_fail_and_say_so(bench):
     assert "still idle" in str(bench.session.send("cancel", 1, now_ns=0).error)
     bench.session.start(0)
