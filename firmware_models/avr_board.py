@@ -120,7 +120,7 @@ class AvrBoard:
         return {**self.pins.truth(self.now_ns), "state": self.state}
 
     def set_load(self, channel: int, **load: float) -> None:
-        """Act on the hardware from outside: what the plant's ``load`` takes; and ``brown_out`` and ``reset``, not 0: see there."""
+        """Act on the hardware from outside: what the plant's ``load`` takes; ``brown_out`` and ``reset``, not 0: see there."""
         browned_out, resets = load.pop("brown_out", 0), load.pop("reset", 0)
         self.pins.set_load(channel, self.now_ns, **load)
         if browned_out:

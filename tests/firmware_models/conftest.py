@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import ctypes.util
+import shutil
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
@@ -13,6 +15,13 @@ from haptics.link.messages import BY_NAME, BY_TYPE, State, Status, decode, encod
 
 MS = 1_000_000
 TICKS_PER_MS = 2000
+NEEDS_CC = pytest.mark.skipif(
+    shutil.which("cc") is None or shutil.which("make") is None, reason="no cc or make here: the C core cannot be built"
+)
+NEEDS_AVR = pytest.mark.skipif(
+    shutil.which("avr-gcc") is None or ctypes.util.find_library("simavr") is None,
+    reason="no avr-gcc or libsimavr here: the image cannot be built and run",
+)
 
 
 class Heard(NamedTuple):
