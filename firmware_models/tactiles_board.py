@@ -29,6 +29,10 @@ ON_TIME_MS = 2500
 TOO_MANY_COILS = 1 << 15
 _ALL_CHANNELS = (1 << COIL_CHANNELS) - 1
 _TICKS_PER_UNIT = DURATION_UNIT_US * TICKS_PER_US
+_UNASKED_S = {Fault.COIL_ON_TIME: LONGEST_PULSE_S + 4e-3, Fault.COIL_CURRENT: 4e-3}
+"""What a driver that is stuck was on for when its fault latches, at most: 2 ms beyond what is allowed, and two looks."""
+_LEAST_S = 1e-6
+_NOTHING_S = [0.0] * COIL_CHANNELS
 _LONGEST_PULSE, _COIL_CURRENT, _QUEUE, _LEAST_SUPPLY, _ON_TIME = range(5)  # the order of identity.limits
 
 
@@ -130,9 +134,20 @@ class TactilesBoard(FirmwareModel):
         self._queue = kept
         return forgotten
 
+    def _charge_unasked(self, fault: Fault) -> None:
+        """Current that no command explains may have been any coil's: each is charged with what flowed until it was noticed."""
+        for channel in range(COIL_CHANNELS if fault in _UNASKED_S else 0):
+            self.heat.begin(channel, _UNASKED_S[fault], self.now_ns)
+        self.heat.note(_NOTHING_S, self.now_ns)
+
     def _begin_arming(self) -> None:
         if self._supply_low():
             raise Refusal(Status.INTERLOCK, 1 << Fault.SUPPLY)
+        hot = self.heat.hot(
+            [_LEAST_S] * COIL_CHANNELS, _NOTHING_S, self.built_limits(self._options)[_ON_TIME] / 1000, self.now_ns
+        )
+        if hot:
+            raise Refusal(Status.HOT, hot)
         self.state = State.ARMED
         self.plant.feed(True, self.now_ns)
         self._guards.wake(self.now_ns)
@@ -165,6 +180,7 @@ class TactilesBoard(FirmwareModel):
             )
             if trip is not None:
                 self.latch(*trip)
+                self._charge_unasked(trip.fault)
 
     def _outputs_off(self) -> None:
         self._queue.clear()

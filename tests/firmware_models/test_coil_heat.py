@@ -45,6 +45,14 @@ class Attacker(Host):
         statuses = [Status(one.message.status) for one in self.heard[before:] if one.name == "reply"]
         return {status: statuses.count(status) for status in set(statuses)}
 
+    def reboot(self, way: str) -> None:
+        """Cut the board short, in the middle of a frame it may be, and meet it again."""
+        self.port.set_load(0, **{way: 1})
+        self.run(25)
+        self.send("identify")  # what answers it may be lost behind half a frame
+        self.run(10)
+        self.ask("identify")
+
     def rise_k(self) -> float:
         return max(self.port.truth()["rise_k"])
 
@@ -105,9 +113,7 @@ def test_no_way_of_ending_and_beginning_anew_gives_a_coil_more(attacker, core, w
         elif way == "silence":
             a.run(150)
         else:
-            a.port.set_load(0, **{way: 1})
-            a.run(25)
-            a.ask("identify")
+            a.reboot(way)
         a.ask("disarm")
         assert a.status("arm", a.ask("identify").boot_id) == Status.OK
     a.attack(3.0)
@@ -130,6 +136,24 @@ def test_what_is_asked_for_and_called_off_again_makes_no_room(attacker, core):
     a.live(25)
     left_s = begun_s * math.exp(-(a.now_ns - begun_ns) / 1e9 / TAU_S)
     assert 0.02 * a.last("tactiles_telemetry").heat[1] == pytest.approx(left_s, abs=0.021)  # two roundings up
+
+
+@cores
+@pytest.mark.parametrize("way", ["disarm", "reset"])
+def test_a_stuck_driver_gives_no_more_however_often_it_is_armed(attacker, core, way):
+    a = attacker(core, spread=0, **WORST)
+    a.attack(2.4)
+    a.port.set_load(1, driver_stuck=1)
+    answers = []
+    for _ in range(30):
+        a.live(20)
+        if way == "reset":
+            a.reboot("reset")
+        a.ask("disarm")
+        answers.append(a.status("arm", a.ask("identify").boot_id))
+    assert Status.OK in answers
+    assert answers.count(Status.HOT) > 15
+    assert a.rise_k() < WORST_K + 0.014 / 97 * 79 * WORST_W
 
 
 # The C core, beside an account of the test's own.

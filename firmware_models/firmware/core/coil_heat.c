@@ -32,9 +32,9 @@ bool heat_exceeds(const struct coil_heat *heat, uint8_t duration, uint16_t limit
     return heat->on_time + ((uint32_t)duration << 16) > heat_of_ms(limit_ms);
 }
 
-void heat_charge(struct coil_heat *heat, uint8_t duration)
+void heat_charge(struct coil_heat *heat, uint16_t durations)
 {
-    set(heat, heat->on_time + ((uint32_t)duration << 16));
+    set(heat, heat->on_time + ((uint32_t)durations << 16));
 }
 
 void heat_refund(struct coil_heat *heat, uint16_t durations)

@@ -27,7 +27,7 @@ void heat_start(struct coil_heat heat[COIL_CHANNELS], uint8_t notes, uint16_t li
 /* A pulse of `duration` (50 us) would take the account beyond the limit. */
 bool heat_exceeds(const struct coil_heat *heat, uint8_t duration, uint16_t limit_ms);
 
-void heat_charge(struct coil_heat *heat, uint8_t duration);
+void heat_charge(struct coil_heat *heat, uint16_t durations);
 void heat_refund(struct coil_heat *heat, uint16_t durations);
 
 /* HEAT_STEP_TICKS have passed: what was on has cooled, what waits (50 us, for each coil) has not. Returns the largest

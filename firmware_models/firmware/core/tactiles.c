@@ -248,19 +248,23 @@ static uint16_t hot(struct tactiles *t, const struct request *r)
     return coils;
 }
 
-static void charge(struct tactiles *t, const struct request *r)
+static void charge(struct tactiles *t, uint8_t channel, uint16_t durations, uint32_t now)
 {
-    struct coil_heat *heat = port_heat(&t->board);
+    struct coil_heat *heat = &port_heat(&t->board)[channel];
     if (!t->cooling)
-        t->cool_due = t->board.dealt + HEAT_STEP_TICKS;
+        t->cool_due = now + HEAT_STEP_TICKS;
     t->cooling = true;
+    heat_charge(heat, durations);
     note(t, NOTE_USED, true);
+    if (heat->on_time > heat_of_ms(WARM_MS))
+        note(t, NOTE_WARM, true);
+}
+
+static void charge_request(struct tactiles *t, const struct request *r)
+{
     for (uint8_t channel = 0; channel < COIL_CHANNELS; channel++) {
-        if (!(r->channels & bits[channel]))
-            continue;
-        heat_charge(&heat[channel], r->durations[channel]);
-        if (heat[channel].on_time > heat_of_ms(WARM_MS))
-            note(t, NOTE_WARM, true);
+        if (r->channels & bits[channel])
+            charge(t, channel, r->durations[channel], t->board.dealt);
     }
 }
 
@@ -326,7 +330,7 @@ static uint8_t pulse(struct tactiles *t, const uint8_t *payload, uint16_t *detai
     if (status == STATUS_OK)
         status = link_in(t, &r, detail);
     if (status == STATUS_OK)
-        charge(t, &r);
+        charge_request(t, &r);
     else
         forget(&t->timeline, &r);
     return status;
@@ -422,6 +426,12 @@ static uint8_t arm(struct board *b, uint32_t now, uint16_t *detail)
         *detail = 1u << FAULT_SUPPLY;
         return STATUS_INTERLOCK;
     }
+    for (uint8_t channel = 0; channel < COIL_CHANNELS; channel++) {
+        if (port_heat(b)[channel].on_time > heat_of_ms(ON_TIME_MS))
+            *detail |= bits[channel];
+    }
+    if (*detail)
+        return STATUS_HOT;
     t->allowed_on = (uint8_t)(b->limits[1] / WORST_COIL_MA);
     t->excess = t->stray = false;
     t->look_due = now + LOOK_TICKS;
@@ -446,6 +456,14 @@ static bool lasts(bool holds, bool *held, uint32_t *since, uint32_t now, uint32_
     return holds && now - *since >= least;
 }
 
+/* Current that no command explains has flowed for so long, and it may have been any coil's. Latches the fault. */
+static void unasked(struct tactiles *t, uint8_t fault, uint16_t current, uint32_t ticks, uint32_t now)
+{
+    board_latch(&t->board, fault, NO_CHANNEL, current);
+    for (uint8_t channel = 0; channel < COIL_CHANNELS; channel++)
+        charge(t, channel, (uint16_t)(ticks / DURATION_TICKS), now);
+}
+
 /* Supply and current against what they may be. A coil that has just gone off may still be in the reading, hence
  * `most`. */
 static void look(struct tactiles *t, uint32_t now)
@@ -467,9 +485,9 @@ static void look(struct tactiles *t, uint32_t now)
     if (supply < b->limits[3])
         board_latch(b, FAULT_SUPPLY, NO_CHANNEL, supply);
     else if (lasts(excess, &t->excess, &t->excess_since, now, COIL_CURRENT_TICKS))
-        board_latch(b, FAULT_COIL_CURRENT, NO_CHANNEL, current);
+        unasked(t, FAULT_COIL_CURRENT, current, COIL_CURRENT_TICKS + 2 * LOOK_TICKS, now);
     else if (lasts(stray, &t->stray, &t->stray_since, now, longest))
-        board_latch(b, FAULT_COIL_ON_TIME, NO_CHANNEL, current);
+        unasked(t, FAULT_COIL_ON_TIME, current, longest + 2 * LOOK_TICKS, now);
 }
 
 /* One step of the accounts' decay. The note of warmth is taken back well below where it is made: an EEPROM's cell
