@@ -7,8 +7,8 @@ import random
 from collections.abc import Callable, Iterator
 
 import pytest
-from conftest import NEEDS_AVR, NEEDS_CC, Host
 from core_bench import MS, SUPPLY, WRAP, Bench, CoilHeat as KeptHeat, Memory, build_library
+from sim_host import NEEDS_AVR, NEEDS_CC, Host
 
 from firmware_models.coil_heat import CoilHeat
 from haptics.link.messages import COIL_CHANNELS, Status

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from conftest import NEEDS_AVR, NEEDS_CC
+from sim_host import NEEDS_AVR, NEEDS_CC
 
 from firmware_models.avr_board import START_TICK
 from haptics.link.messages import Fault, State, Status

@@ -350,6 +350,16 @@ def account_of_whole_milliseconds(patch: pytest.MonkeyPatch) -> None:
     patch.setattr(CoilHeat, "begin", lambda self, channel, on_s, now_ns: begin(self, channel, int(1e3 * on_s) / 1e3, now_ns))
 
 
+def heat_is_checked_first(patch: pytest.MonkeyPatch) -> None:
+    check = TactilesBoard._check_room
+
+    def late(self: Any, wanted: list[Pulse]) -> None:
+        self._check_heat(wanted)
+        check(self, wanted)
+
+    patch.setattr(TactilesBoard, "_check_room", late)
+
+
 def account_of_one_coil_a_command(patch: pytest.MonkeyPatch) -> None:
     hot = CoilHeat.hot
 
@@ -518,6 +528,7 @@ BREAKAGES: list[tuple[Callable[[pytest.MonkeyPatch], None], Board, set[str]]] = 
     (account_of_what_began, COIL, {"heat.refund", "heat.limit"}),
     (account_of_whole_milliseconds, COIL, {"heat.small", "heat.telemetry"}),
     (account_of_one_coil_a_command, COIL, {"heat.small"}),
+    (heat_is_checked_first, COIL, {"heat.limit"}),
     (built_in_account_only, COIL, {"heat.limit", "heat.configured"}),
     (cools_twice_as_fast, COIL, {"heat.decay"}),
     (never_cools, COIL, {"heat.decay", "heat.power"}),

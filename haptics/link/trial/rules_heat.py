@@ -70,6 +70,7 @@ def _limit(host: RawHost) -> str:
     status, detail = _pulse(host, soon, 0b11)
     need((status, detail) == (Status.HOT, 0b01), f"with a cool coil beside it: status {status}, detail {detail:#x}")
     host.expect("pulse", soon, 0b10, 0, [_LONGEST] * COIL_CHANNELS)
+    host.expect("pulse", soon, 0b11, 0, [_LONGEST] * COIL_CHANNELS, status=Status.FULL, detail=0b10)  # asked before heat is
     return "10 pulses of 10 ms taken on 100 ms; a pulse of two coils refused whole"
 
 
