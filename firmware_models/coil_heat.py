@@ -42,6 +42,11 @@ class CoilHeat:
             if next_s and account_s + more_s + next_s > limit_s + _ROUNDING_S
         )
 
+    def beyond(self, limit_s: float, now_ns: int) -> int:
+        """Mask of the coils above the limit already."""
+        self._cool(now_ns)
+        return sum(1 << channel for channel, account_s in enumerate(self._accounts_s) if account_s > limit_s + _ROUNDING_S)
+
     def note(self, waiting_s: Sequence[float], now_ns: int) -> None:
         """Note what a loss of power must not hide; after a pulse was taken."""
         self._cool(now_ns)

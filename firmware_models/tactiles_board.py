@@ -31,7 +31,6 @@ _ALL_CHANNELS = (1 << COIL_CHANNELS) - 1
 _TICKS_PER_UNIT = DURATION_UNIT_US * TICKS_PER_US
 _UNASKED_S = {Fault.COIL_ON_TIME: LONGEST_PULSE_S + 4e-3, Fault.COIL_CURRENT: 4e-3}
 """What a driver that is stuck was on for when its fault latches, at most: 2 ms beyond what is allowed, and two looks."""
-_LEAST_S = 1e-6
 _NOTHING_S = [0.0] * COIL_CHANNELS
 _LONGEST_PULSE, _COIL_CURRENT, _QUEUE, _LEAST_SUPPLY, _ON_TIME = range(5)  # the order of identity.limits
 
@@ -143,9 +142,7 @@ class TactilesBoard(FirmwareModel):
     def _begin_arming(self) -> None:
         if self._supply_low():
             raise Refusal(Status.INTERLOCK, 1 << Fault.SUPPLY)
-        hot = self.heat.hot(
-            [_LEAST_S] * COIL_CHANNELS, _NOTHING_S, self.built_limits(self._options)[_ON_TIME] / 1000, self.now_ns
-        )
+        hot = self.heat.beyond(self.built_limits(self._options)[_ON_TIME] / 1000, self.now_ns)
         if hot:
             raise Refusal(Status.HOT, hot)
         self.state = State.ARMED
