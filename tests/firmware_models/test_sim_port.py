@@ -175,7 +175,7 @@ def test_on_the_real_clock_the_board_catches_up_when_looked_at(host) -> None:
     h.port.timeout = 5
     h.port.write(encode_frame(BY_NAME["identify"].type, 1))
     assert len(h.port.read_until(b"\x00")) == 41
-    assert len(h.port.read_until(b"\x00")) == 53  # telemetry
+    assert len(h.port.read_until(b"\x00")) == 68  # telemetry
 
 
 def test_a_closed_port_says_so(host) -> None:
