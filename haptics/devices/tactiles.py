@@ -10,9 +10,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from haptics.errors import ClockUncertain, InputError
+from haptics.link.clock import signed_ticks
 from haptics.link.commands import Pending
 from haptics.link.connection import Link
-from haptics.link.messages import COIL_CHANNELS, DURATION_UNIT_US, Status
+from haptics.link.messages import COIL_CHANNELS, DURATION_UNIT_US, TICKS_PER_US, Status
 from haptics.physics.latch import PULSE_BACK_S, PULSE_TOWARD_S, TRAIN_BACK_S, TRAIN_TOWARD_S
 from haptics.scheduling import CoilLimits, CoilPulse, Outcome, Priority, Request, Scheduler, Stroke, ThermalBudget
 from haptics.time import NS_PER_MS, seconds_to_ns
@@ -21,6 +22,7 @@ COMMAND_LEAD_NS = 3 * NS_PER_MS
 """A pulse leaves the host this long before it starts: a tick, three frames at 500 kbaud, and the error of the clock."""
 
 
+_ROUNDING_TICKS = 2
 WORTH_ANOTHER_TRY = ("late", "full", "clock")
 """A pin that a board did not move for one of these reasons is asked to move again, as long as that is still wanted."""
 
@@ -83,6 +85,7 @@ class TactilesDriver:
         self._replies: list[tuple[Pending, list[int]]] = []
         self._later: list[tuple[int, str]] = []
         self._next_token = 0
+        self._end_ticks = [0] * len(self.sites)  # on the board, of the last stroke sent to each
         self._results: list[Result] = []
         self.busy_until_ns = 0
         """When the last coil pulse sent so far ends."""
@@ -249,7 +252,7 @@ class TactilesDriver:
                 self.busy_until_ns = max(self.busy_until_ns, start_ns + seconds_to_ns(pulse.duration_s))
             tokens = [pulse.token for pulse in group if isinstance(pulse.token, int)]
             try:
-                ticks = self.link.to_ticks(start_ns)
+                ticks = self._where_it_meets(self.link.to_ticks(start_ns), durations)
             except ClockUncertain:
                 for token in tokens:
                     self._flying.setdefault(token, _InFlight()).refused = "clock"
@@ -258,6 +261,17 @@ class TactilesDriver:
             for token in tokens:
                 self._flying.setdefault(token, _InFlight()).waiting += 1
             self._replies.append((pending, tokens))
+
+    def _where_it_meets(self, ticks: int, durations: list[int]) -> int:
+        """``ticks``, or the tick at which a stroke that it follows at once ends on the board: rounded one by one the two would
+        overlap by a tick now and then, and be refused."""
+        driven = [(channel, duration) for channel, duration in enumerate(durations) if duration]
+        for channel, _ in driven:
+            if -_ROUNDING_TICKS <= signed_ticks(ticks, self._end_ticks[channel]) < 0:
+                ticks = self._end_ticks[channel]
+        for channel, duration in driven:
+            self._end_ticks[channel] = (ticks + duration * DURATION_UNIT_US * TICKS_PER_US) % (1 << 32)
+        return ticks
 
     def _read_replies(self) -> None:
         waiting: list[tuple[Pending, list[int]]] = []

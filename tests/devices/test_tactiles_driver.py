@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+import haptics
 from haptics.errors import InputError
 from haptics.link.messages import State
 
@@ -121,3 +122,14 @@ def test_going_off_withdraws_the_pins_and_disarms(glove):
 def test_an_unknown_site_names_those_that_exist(glove):
     with pytest.raises(InputError, match="index_tip"):
         glove.contact("elbow")
+
+
+@pytest.mark.parametrize("ppm", [-150, -40, 40])
+def test_strokes_that_meet_do_not_overlap_on_a_board_whose_clock_runs_otherwise(ppm):
+    """A pulse's way back begins where its way out ends: rounded to the board's ticks one by one, they must still not meet."""
+    with haptics.open(tactiles=f"sim://tactiles?ppm={ppm}", clock="virtual") as glove:
+        glove.arm()
+        for _ in range(20):
+            glove.pulse("index_tip", count=5, rate_hz=100)
+            glove.advance(0.3)
+        assert {r.reason for r in glove.results()} == {None}
