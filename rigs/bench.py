@@ -128,6 +128,7 @@ class Bench:
             realtime=not self.simulated,
             seed=options.seed,
             wire_tap=self._tap,
+            limit_pulses=False,
         )
         try:
             self.glove.on_event(self._take)

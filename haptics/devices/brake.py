@@ -18,6 +18,8 @@ from haptics.units import in_range
 
 COMMAND_LEAD_NS = 3 * NS_PER_MS
 """A command leaves the host this long before it acts."""
+LONGEST_PIEZO_S = 1.0
+"""The longest that a piezo is asked to vibrate at a time."""
 
 
 @dataclass(slots=True)
@@ -45,7 +47,7 @@ class BrakeDriver:
     :param channels: what each output drives, in channel order.
     :param frequency_hz: bipolar square wave, Hz.
     :param ttl_s: life of one drive command, s; refreshed at a third of it.
-    :param max_amplitude_v: refused above this, V.
+    :param max_amplitude_v: refused above this, V. :param max_frequency_hz: likewise, Hz.
     """
 
     def __init__(
@@ -55,13 +57,14 @@ class BrakeDriver:
         frequency_hz: float = 20.0,
         ttl_s: float = 0.2,
         max_amplitude_v: float = 1500.0,
+        max_frequency_hz: float = 1000.0,
     ):
         self.link = link
         self.channels = tuple(channels)
+        self.max_amplitude_v, self.max_frequency_hz = max_amplitude_v, max_frequency_hz
         self._index = {name: i for i, name in enumerate(self.channels)}
-        self._frequency_dhz = _decihertz(frequency_hz)
+        self._frequency_dhz = self._decihertz(frequency_hz)
         self._ttl_ns = seconds_to_ns(in_range("ttl_s", ttl_s, 0.01, 60.0, "s"))
-        self._max_amplitude_v = max_amplitude_v
         self._holds: dict[int, _Hold] = {}
         self._refresh_ns = 0
         self._next_end_ns: int | None = None
@@ -80,12 +83,12 @@ class BrakeDriver:
         """Volts on one output, as soon as possible, until :meth:`release`, or for ``ttl_s``.
 
         :param frequency_hz: of the square wave; the driver's own if None. Outputs that are on together share the highest.
-        :raises InputError: unknown output, volts outside 0 to the limit, or a frequency outside 0.1 to 1000 Hz.
+        :raises InputError: unknown output, volts outside 0 to the limit, or a frequency outside 0.1 Hz to the limit.
         """
         index = self._index_of(name)
-        amplitude_v = in_range("amplitude_v", amplitude_v, 0.0, self._max_amplitude_v, "V")
+        amplitude_v = in_range("amplitude_v", amplitude_v, 0.0, self.max_amplitude_v, "V")
         until_ns = None if ttl_s is None else now_ns + seconds_to_ns(in_range("ttl_s", ttl_s, 0.001, 60.0, "s"))
-        frequency_dhz = self._frequency_dhz if frequency_hz is None else _decihertz(frequency_hz)
+        frequency_dhz = self._frequency_dhz if frequency_hz is None else self._decihertz(frequency_hz)
         self._holds[index] = _Hold(amplitude_v, until_ns, frequency_dhz)
         self._changed = True
         self._plan_end()
@@ -112,7 +115,7 @@ class BrakeDriver:
         :raises InputError: unknown output, or a duration outside 1 ms to 1 s.
         """
         mask = sum(1 << self._index_of(name) for name in names)
-        duration_ms = round(in_range("duration_s", duration_s, 0.001, 1.0, "s") * 1000)
+        duration_ms = round(in_range("duration_s", duration_s, 0.001, LONGEST_PIEZO_S, "s") * 1000)
         soonest_ns = now_ns + COMMAND_LEAD_NS
         start_ns = soonest_ns if at_ns is None else max(soonest_ns, at_ns)
         self._send("piezo", now_ns, start_ns, mask, duration_ms)
@@ -147,6 +150,9 @@ class BrakeDriver:
             raise InputError(f"brake = {name!r} is unknown; allowed: {', '.join(self.channels)}")
         return self._index[name]
 
+    def _decihertz(self, frequency_hz: float) -> int:
+        return round(in_range("frequency_hz", frequency_hz, 0.1, self.max_frequency_hz, "Hz") * 10)
+
     def _plan_end(self) -> None:
         ends = [hold.until_ns for hold in self._holds.values() if hold.until_ns is not None]
         self._next_end_ns = min(ends) if ends else None
@@ -179,7 +185,3 @@ class BrakeDriver:
             elif pending.status != Status.OK:
                 self._refusals.append(Refusal(name, Status(pending.status).name.lower(), sent_ns))
         self._replies = waiting
-
-
-def _decihertz(frequency_hz: float) -> int:
-    return round(in_range("frequency_hz", frequency_hz, 0.1, 1000.0, "Hz") * 10)

@@ -56,8 +56,9 @@ class LinkSession:
 
     :param board: the board expected, or None to take whichever answers.
     :param port_name: how errors name the port.
-    :param limits: stricter limits to configure, in the order of ``identity.limits``, or None. The board is asked afterwards what
-        it keeps to; where that is not these very limits, the handshake fails.
+    :param limits: stricter limits to configure, in the order of ``identity.limits``; or what makes them of the identity, once it
+        is known; or None. The board is asked afterwards what it keeps to; where that is not these very limits, the handshake
+        fails.
     :param baud: of the line, 0 if nobody knows; see ``ClockExchanges``.
     :param tap: called with ``(time_ns, "in" | "out", bytes)`` for every byte both ways.
     """
@@ -70,15 +71,17 @@ class LinkSession:
         port_name: str,
         *,
         settings: LinkSettings | None = None,
-        limits: Sequence[int] | None = None,
+        limits: Sequence[int] | Callable[[Any], Sequence[int]] | None = None,
         baud: int = 0,
         tap: Tap | None = None,
     ):
         self.expected, self.port_name, self.tap = board, port_name, tap
         self._baud = baud
         self.settings = settings or LinkSettings()
-        self._limits = tuple(limits) if limits is not None else None
-        self._configure_payload = encode("configure", self._limits) if self._limits is not None else b""
+        if limits is not None and not callable(limits):
+            encode("configure", tuple(limits))  # a wrong number is refused here, not once a board has answered
+        self._limits = limits
+        self._configured_limits: tuple[int, ...] = ()
         self._events: deque[happened.Event] = deque()
         self._now_ns = 0
         self._deadline_ns = NEVER_NS
@@ -109,6 +112,7 @@ class LinkSession:
         self._armed_ticks = 0
         self._configuring: Pending | None = None
         self._stopping: Pending | None = None
+        self._stopped_first = False
         self._unlike = 0  # identities since the board took its limits, none of which told them
 
     # What the owner may ask -----------------------------------------------------------------------------------------
@@ -349,6 +353,7 @@ class LinkSession:
         self.phase = Phase.SYNCING
         self._inquiry.end()
         self._configuring = None
+        self._stopped_first = False
         self._exchanges = ClockExchanges(self.settings, self.counters, self._baud)
         self._exchanges.begin(now_ns)
         self._tell(happened.Identified(now_ns, self.identity))
@@ -369,7 +374,8 @@ class LinkSession:
             self._become_ready(now_ns)
             return
         self.phase = Phase.CONFIGURING
-        self._configuring = Pending("configure", self._configure_payload)
+        self._configured_limits = tuple(self._limits(self.identity) if callable(self._limits) else self._limits)
+        self._configuring = Pending("configure", encode("configure", self._configured_limits))
         self._window.submit(self._configuring)
 
     def _configured(self, now_ns: int) -> None:
@@ -381,6 +387,8 @@ class LinkSession:
             self._suspect("its limits are verified", now_ns)
         elif pending.error is not None and self._window.alone is not None:
             self._configure(now_ns)  # a stop came in between
+        elif pending.status == Status.INTERLOCK and not self._stopped_first:
+            self._stop_first(now_ns)
         else:
             seen = f"answered {status_name(pending.status)}, detail {pending.detail}"
             advice = "limits may only be made stricter than the board's own"
@@ -389,13 +397,20 @@ class LinkSession:
 
     def _verify(self, now_ns: int) -> None:
         """A board that was configured has said once more who it is, and by which limits; a late answer may be of before."""
-        different = handshake.different_limits(self.identity, self._limits or ())
+        different = handshake.different_limits(self.identity, self._configured_limits)
         self._unlike += 1
         if different is None:
             self._inquiry.end()
             self._become_ready(now_ns)
         elif self._unlike >= _IDENTITIES:
             self._fail(LinkError(self.port_name, different, "configure", handshake.FLASH), now_ns)
+
+    def _stop_first(self, now_ns: int) -> None:
+        """The board is still armed by a host that is gone, and takes no limits: it is made safe, then configured."""
+        self._stopped_first = True
+        self._stopping = self._window.submit_alone(Pending("stop"), self.settings.stop_tries, "stopped")
+        self._configure(now_ns)
+        self._window.pump(now_ns, self._emit)
 
     def _become_ready(self, now_ns: int) -> None:
         self.phase = Phase.READY

@@ -238,7 +238,7 @@ class RenderLoop:
         if effect.brakes:
             volts = min(effect.amplitude_v, self._amplitude_v)
             for finger in self._fingers:
-                self.brake.engage(finger, volts, now_ns, frequency_hz=effect.frequency_hz)
+                self.brake.engage(finger, volts, now_ns, frequency_hz=min(effect.frequency_hz, self.brake.max_frequency_hz))
         if effect.piezo and effect.piezo_s > 0:
             self.brake.piezo(self._fingers, effect.piezo_s, now_ns)
 

@@ -15,15 +15,16 @@ from haptics.errors import CommandRefused, InputError, LimitError
 from haptics.link.commands import Pending
 from haptics.link.connection import Link
 from haptics.link.events import Disarmed, Event, FaultReported, Lost, Rebooted, Telemetry
-from haptics.link.messages import Board, Fault, State, Status
+from haptics.link.limits import Wanted, kept_stricter, stricter
+from haptics.link.messages import DURATION_UNIT_US, Board, Fault, State, Status
 from haptics.link.polling import PollingRunner
 from haptics.link.ports import open_port
 from haptics.link.runner import VirtualRunner, connect, finish
 from haptics.link.session import LinkSession
 from haptics.link.simulated import SimulatedPort, simulated
-from haptics.physics.thermal import ThermalParameters
 from haptics.scheduling import CoilLimits, ThermalBudget
-from haptics.session.configuration import BrakeConfiguration, TactilesConfiguration
+from haptics.session import heat
+from haptics.session.configuration import COUNTED_COIL_A, BrakeConfiguration, TactilesConfiguration
 from haptics.session.faults import fault_names
 from haptics.time import NS_PER_MS, NS_PER_S, MonotonicClock, VirtualClock, seconds_to_ns
 
@@ -54,6 +55,8 @@ class Glove:
     :param realtime: on the machine's clock (needed for hardware) rather than in virtual time.
     :param seed: of the simulated boards. :param simulate: query keys for the simulated boards, by name; a URL's own keys win.
     :param wire_tap: called with port name, time, direction (True: to the board) and bytes.
+    :param limit_pulses: boards are configured with what the configuration says of the length of pulses and of heat, too. A bench
+        that warms coils on purpose, and watches them, leaves these two as the board has them.
     :raises InputError: a real port in virtual time.
     :raises LinkError: a port or board that cannot be used; what was opened is closed again.
     """
@@ -67,21 +70,28 @@ class Glove:
         seed: int = 1,
         simulate: Mapping[str, Mapping[str, object]] | None = None,
         wire_tap: WireTap | None = None,
+        limit_pulses: bool = True,
     ):
         self.realtime = realtime
         self.clock: VirtualClock | MonotonicClock = MonotonicClock() if realtime else VirtualClock()
         self.links: dict[str, Link] = {}
         self.faults: list[str] = []
+        self.notes: list[str] = []
+        """What a person should know besides: limits that a board holds tighter than configured, coils that start warm."""
         self.telemetry: dict[str, Any] = {}
         self._event_sinks: list[Callable[[str, Event], None]] = []
         self._opened = False
         self._wanted_armed = False
+        self._limit_pulses = limit_pulses
         asked = {"tactiles": tactiles, "brake": brake}
         try:
             for name, part in asked.items():
                 if part is not None:
                     self.links[name] = self._open(name, part, seed, (simulate or {}).get(name, {}), wire_tap)
             links = list(self.links.values())
+            if not realtime:  # a world that was there before has gone on without this glove
+                starts_ns = [link.simulated.truth()["time_ns"] for link in self.links.values() if link.simulated is not None]
+                self._virtual_clock.advance_to(max(starts_ns, default=0))
             self._runner: VirtualRunner | PollingRunner = (
                 PollingRunner(links, self.clock) if realtime else VirtualRunner(links, self._virtual_clock)
             )
@@ -90,10 +100,15 @@ class Glove:
                 link.close()
             raise
         self._opened = True
-        self.tactiles = None if tactiles is None else self._tactiles_driver(tactiles)
-        self.brakes = None if brake is None else self._brake_driver(brake)
+        self.tactiles: TactilesDriver | None = None
+        self.brakes: BrakeDriver | None = None
         try:
             connect(self._runner)
+            for name, part in asked.items():
+                if part is not None:
+                    self._note_limits(name, part)
+            self.tactiles = None if tactiles is None else self._tactiles_driver(tactiles)
+            self.brakes = None if brake is None else self._brake_driver(brake)
         except BaseException:
             self.close()
             raise
@@ -128,20 +143,54 @@ class Glove:
             if wire_tap is not None:
                 wire_tap(name, time_ns, direction == "out", data)
 
-        return Link(port, LinkSession(Board[name.upper()], part.port, baud=part.baud, tap=tap))
+        board, wanted = Board[name.upper()], self._wanted_limits(part)
+
+        def limits(identity: Any) -> tuple[int, ...]:
+            return stricter(board, wanted, identity.limits)
+
+        return Link(port, LinkSession(board, part.port, limits=limits, baud=part.baud, tap=tap))
+
+    def _wanted_limits(self, part: TactilesConfiguration | BrakeConfiguration) -> Wanted:
+        if isinstance(part, TactilesConfiguration):
+            return part.board_limits(of_pulses=self._limit_pulses)
+        return part.board_limits()
+
+    def _limits(self, name: str, part: TactilesConfiguration | BrakeConfiguration) -> tuple[int, ...]:
+        """What holds: of each limit the stricter of configuration and board."""
+        return stricter(Board[name.upper()], self._wanted_limits(part), self.links[name].identity.limits)
+
+    def _note_limits(self, name: str, part: TactilesConfiguration | BrakeConfiguration) -> None:
+        """Say where a board was built stricter than the configuration, or still keeps what another host configured."""
+        kept = kept_stricter(Board[name.upper()], self._wanted_limits(part), self.links[name].identity.limits)
+        self.notes += [f"{name}: the board holds a stricter limit: {text}" for text in kept]
 
     def _tactiles_driver(self, part: TactilesConfiguration) -> TactilesDriver:
-        budgets, powers = [], []
-        for site in part.sites:
-            own = part.calibration.get(site)
-            parameters = ThermalParameters() if own is None else ThermalParameters(tau_s=own.tau_s, c_k_per_w=own.c_k_per_w)
-            budgets.append(ThermalBudget(parameters, part.rise_limit_k))
-            powers.append(18.0 if own is None else own.power_w)
-        limits = CoilLimits(part.current_limit_a, part.coil_current_a, tuple(powers), HANDOVER_S)
-        return TactilesDriver(self.links["tactiles"], part.sites, limits, budgets, part.contact_pulse_s)
+        """The array, held to the stricter of configuration and board, so that no legal request is refused by the board."""
+        longest, current_ma, _, _, on_time_ms = self._limits("tactiles", part)
+        self._coils = [part.coil_heat(site) for site in part.sites]
+        limits_k = [min(part.rise_limit_k, coil.limit_k(on_time_ms / 1000)) for coil in self._coils]
+        if self._limit_pulses and min(limits_k) < part.rise_limit_k * (1 - 1e-3):
+            site = part.sites[limits_k.index(min(limits_k))]
+            self.notes.append(
+                f"tactiles: {on_time_ms} ms of on-time, the board's limit, hold {site} to {min(limits_k):.1f} K "
+                f"({part.rise_limit_k:g} K configured)"
+            )
+        budgets = [ThermalBudget(coil.parameters, limit_k) for coil, limit_k in zip(self._coils, limits_k, strict=True)]
+        limits = CoilLimits(
+            current_ma / 1000,
+            max(part.coil_current_a, COUNTED_COIL_A),
+            tuple(coil.power_w for coil in self._coils),
+            HANDOVER_S,
+        )
+        contact_s = min(part.contact_pulse_s, longest * DURATION_UNIT_US / 1e6)  # the longest may be that of another stroke
+        return TactilesDriver(self.links["tactiles"], part.sites, limits, budgets, contact_s)
 
     def _brake_driver(self, part: BrakeConfiguration) -> BrakeDriver:
-        return BrakeDriver(self.links["brake"], part.channels, part.frequency_hz, part.ttl_s)
+        """The brakes, likewise."""
+        amplitude_v, _, frequency_dhz, ttl_ms, _ = self._limits("brake", part)
+        frequency_hz = min(part.frequency_hz, frequency_dhz / 10)
+        ttl_s = min(part.ttl_s, ttl_ms / 1000)
+        return BrakeDriver(self.links["brake"], part.channels, frequency_hz, ttl_s, amplitude_v, frequency_dhz / 10)
 
     # Time -----------------------------------------------------------------------------------------------------------
 
@@ -252,7 +301,13 @@ class Glove:
             raise
         self._wanted_armed = True
         if self.tactiles is not None:
+            self._take_over_heat(self.tactiles)
             self.tactiles.set_armed(True)
+
+    def _take_over_heat(self, array: TactilesDriver) -> None:
+        note = heat.take_over(array.budgets, self._coils, self.telemetry["tactiles"].heat, self.now_ns())
+        if note is not None and note not in self.notes:
+            self.notes.append(note)
 
     def _finish_arming(self, link: Link, pending: Pending) -> None:
         try:

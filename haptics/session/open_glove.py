@@ -18,7 +18,12 @@ from haptics.units import in_range
 
 @dataclass(frozen=True, slots=True)
 class GloveState:
-    """What the host knows of the glove now."""
+    """What the host knows of the glove now.
+
+    ``rise_k`` is an upper bound of each actuator's rise, and ``headroom_k`` a lower bound of the room under its limit: an
+    actuator without calibration is booked as the warmest within tolerance (``docs/explanation/heat.md``). ``notes``: limits that
+    a board holds tighter than configured, coils that started warm.
+    """
 
     time_ns: int
     rise_k: dict[str, float]
@@ -28,6 +33,7 @@ class GloveState:
     capacitance_pf: dict[str, int]
     armed: tuple[str, ...]
     faults: tuple[str, ...]
+    notes: tuple[str, ...] = ()
 
 
 class OpenGlove:
@@ -161,6 +167,7 @@ def glove_state(glove: Glove) -> GloveState:
         capacitance_pf={} if brake_says is None else dict(zip(names, brake_says.capacitance, strict=False)),
         armed=tuple(name for name, link in glove.links.items() if link.armed),
         faults=tuple(glove.faults),
+        notes=tuple(glove.notes),
     )
 
 

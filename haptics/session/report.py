@@ -184,6 +184,7 @@ def _notes(scene: Scene, recording: HandRecording, side: str, session: Session) 
         notes.append(f"no grasp to expect: the {side} hand makes no closing stroke of thumb and index")
     if recording.dropped:
         notes.append("left out while reading: " + ", ".join(f"{count} {what}" for what, count in recording.dropped.items()))
+    notes += session.glove.notes
     withdrawn = sum(event.kind == "grasp_withdrawn" for event in session.events)
     if withdrawn:
         notes.append(f"brakes closed ahead of {withdrawn} grasps that did not come, and opened again")
