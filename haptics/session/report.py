@@ -145,6 +145,7 @@ def _brake_holds(session: Session, start_ns: int) -> list[int]:
 
 
 def _actuators(session: Session, plan: Plan) -> list[dict[str, Any]]:
+    """Each actuator's warmest, by the plant's truth, or on hardware by the account's upper bound, and the room left then."""
     array = session.glove.tactiles
     if array is None:
         return []

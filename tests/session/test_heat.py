@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes.util
 import itertools
 import shutil
 
@@ -13,8 +14,14 @@ from firmware_models import world as worlds
 from haptics.scene.sites import SITES
 
 _names = itertools.count()
-without_compiler = shutil.which("cc") is None or shutil.which("make") is None
-CORES = ["py", pytest.param("c", marks=pytest.mark.skipif(without_compiler, reason="no compiler here"))]
+NEEDED = {"py": (), "c": ("cc", "make"), "avr": ("cc", "make", "avr-gcc")}
+MISSING = {core: [tool for tool in tools if shutil.which(tool) is None] for core, tools in NEEDED.items()}
+if ctypes.util.find_library("simavr") is None:
+    MISSING["avr"].append("libsimavr")
+CORES = [
+    pytest.param(core, marks=pytest.mark.skipif(bool(missing), reason=f"no core {core} here: {missing} not found"))
+    for core, missing in MISSING.items()
+]
 CORNERS = [f"tau_s={tau}&c_k_per_w={c}&resistance_ohm={ohm}" for tau in (97, 107) for c in (59, 79) for ohm in (1.28, 1.48)]
 
 
@@ -220,7 +227,7 @@ def test_five_hosts_one_after_the_other_on_one_board_pass_no_limit(world, core, 
     assert min(believed[2:]) > 20.0
 
 
-@pytest.mark.parametrize("core", CORES)
+@pytest.mark.parametrize("core", [*CORES[:2], pytest.param(*CORES[2].values, marks=[*CORES[2].marks, pytest.mark.soak])])
 def test_a_board_that_lost_its_account_starts_at_its_limit_and_the_host_says_so(world, core):
     name, _ = world
     session(url_in(name, core=core), np.random.default_rng(1), "killed")
