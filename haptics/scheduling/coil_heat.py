@@ -10,16 +10,16 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from haptics.physics.thermal import PULSE_POWER_W, THERMAL, THERMAL_WORST, WORST_PULSE_POWER_W, ThermalParameters
+from haptics.physics.thermal import PULSE_POWER_W, PULSE_S, THERMAL, THERMAL_WORST, WORST_PULSE_POWER_W, ThermalParameters
 from haptics.units import in_range
 
 BOARD_TAU_S = 102.0
 """Time constant of every board's account."""
 BUILT_ON_TIME_S = 2.5
 """Limit that every board is built with; a host may only lower it."""
-MARGIN_S = 5e-3
-"""Part of a board's limit that a host leaves unused. A board charges a pulse when it takes it, the driver's lead ahead of the
-start: on an account of 2.5 s a lead of 20 ms is 0.5 ms. The rest is for its rounding to integers."""
+MARGIN = 0.01
+"""Share of a board's limit that a host leaves unused: a board charges a pulse when it takes it, by a clock of its own, and may
+hold an account up to 0.1 % too high (``docs/reference/protocol.md``, heat of the coils)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,17 +37,17 @@ class CoilHeat:
     def limit_k(self, on_time_s: float) -> float:
         """Largest limit of the rise under which nothing that is admitted takes a board's account above ``on_time_s``.
 
-        ``A c P / max(tau, tau_b)``, with ``MARGIN_S`` taken off ``A``.
+        ``A c P / max(tau, tau_b)``, with ``MARGIN`` taken off ``A``.
 
-        :raises InputError: no on-time worth a pulse.
+        :raises InputError: less on-time than one pulse takes.
         """
-        in_range("on_time_s", on_time_s, 2.0 * MARGIN_S, math.inf, "s")
-        return (on_time_s - MARGIN_S) * self.jump_k_per_s * min(1.0, self.parameters.tau_s / BOARD_TAU_S)
+        in_range("on_time_s", on_time_s, PULSE_S, math.inf, "s")
+        return (1.0 - MARGIN) * on_time_s * self.jump_k_per_s * min(1.0, self.parameters.tau_s / BOARD_TAU_S)
 
     def on_time_s(self, limit_k: float) -> float:
         """Least limit of a board's account that admits whatever a host with ``limit_k`` does; the inverse of ``limit_k``."""
         in_range("limit_k", limit_k, 1e-9, math.inf, "K")
-        return limit_k / (self.jump_k_per_s * min(1.0, self.parameters.tau_s / BOARD_TAU_S)) + MARGIN_S
+        return limit_k / ((1.0 - MARGIN) * self.jump_k_per_s * min(1.0, self.parameters.tau_s / BOARD_TAU_S))
 
     def rise_k(self, account_s: float) -> float:
         """Where this account would stand at the most, had it seen all that led a board's account to ``account_s``.

@@ -82,6 +82,7 @@ class Glove:
         self._event_sinks: list[Callable[[str, Event], None]] = []
         self._opened = False
         self._wanted_armed = False
+        self._heat_booked = True
         self._limit_pulses = limit_pulses
         asked = {"tactiles": tactiles, "brake": brake}
         try:
@@ -231,6 +232,8 @@ class Glove:
             self.tick(self.now_ns())
 
     def _take(self, name: str, event: Event) -> None:
+        if name == "tactiles" and isinstance(event, FaultReported | Rebooted | Disarmed):
+            self._heat_booked = False
         if isinstance(event, Telemetry):
             self.telemetry[name] = event.message
             self._read_faults(name, event.message)
@@ -305,7 +308,8 @@ class Glove:
             self.tactiles.set_armed(True)
 
     def _take_over_heat(self, array: TactilesDriver) -> None:
-        note = heat.take_over(array.budgets, self._coils, self.telemetry["tactiles"].heat, self.now_ns())
+        note = heat.take_over(array.budgets, self._coils, self.telemetry["tactiles"].heat, self.now_ns(), self._heat_booked)
+        self._heat_booked = True
         if note is not None and note not in self.notes:
             self.notes.append(note)
 
@@ -313,6 +317,10 @@ class Glove:
         try:
             finish(self._runner, pending, ARM_TIMEOUT_S, link.name)
         except CommandRefused as error:
+            if pending.status == Status.HOT:
+                seen = f"coils are beyond what the board allows (mask {pending.detail or 0:#06x})"
+                advice = "a driver was stuck on: look at it, and let them cool for some seconds"
+                raise CommandRefused(link.name, seen, "arm", error.status, advice) from error
             latched = fault_names(pending.detail or 0)
             if pending.status != Status.INTERLOCK or not latched:
                 raise

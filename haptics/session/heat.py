@@ -17,17 +17,21 @@ WORTH_A_WORD = 0.1
 last used starts its accounts at 100 ms (2 K)."""
 
 
-def take_over(budgets: Sequence[ThermalBudget], coils: Sequence[CoilHeat], account: Sequence[int], now_ns: int) -> str | None:
+def take_over(
+    budgets: Sequence[ThermalBudget], coils: Sequence[CoilHeat], account: Sequence[int], now_ns: int, booked: bool
+) -> str | None:
     """Raise each budget to what the board's account says, where that is more than this host knows of; a note if it is much.
 
     :param account: telemetry's ``heat``, a count of ``HEAT_UNIT_MS``, rounded up, for each channel.
+    :param booked: since this host last armed nothing has happened that it did not ask for, so that what the account is above its
+        own by less than the rounding is the rounding.
     """
     warm: list[tuple[float, float]] = []
+    unit_s = HEAT_UNIT_MS / 1000
     for budget, coil, count in zip(budgets, coils, account, strict=False):
         known_k = budget.rise_k(max(now_ns, budget.latest_ns))
-        unit_s = HEAT_UNIT_MS / 1000
-        # Rounded up: as much as the count less one is there for sure, and below what is known it is what is known.
-        if count and (count - 1) * unit_s * coil.jump_k_per_s >= known_k:
+        for_sure = count - 1 if booked else count
+        if count and for_sure * unit_s * coil.jump_k_per_s >= known_k:
             budget.raise_to(coil.rise_k(count * unit_s), budget.latest_ns)
             rise_k = budget.rise_k(budget.latest_ns)
             if rise_k - known_k >= WORTH_A_WORD * budget.limit_k:

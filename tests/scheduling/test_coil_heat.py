@@ -13,7 +13,7 @@ from hypothesis import given, settings, strategies as st
 from haptics.errors import InputError
 from haptics.physics.thermal import THERMAL_WORST, WORST_PULSE_POWER_W, ThermalParameters, bounding
 from haptics.scheduling import WORST_COIL, CoilHeat, ThermalBudget
-from haptics.scheduling.coil_heat import BOARD_TAU_S, BUILT_ON_TIME_S, MARGIN_S
+from haptics.scheduling.coil_heat import BOARD_TAU_S, BUILT_ON_TIME_S, MARGIN
 
 S = 1_000_000_000
 BOARD_S = 102.0
@@ -103,11 +103,11 @@ def test_whatever_a_host_admits_leaves_a_board_below_its_limit(coil, board_s, pa
     assert most_s <= board_s
 
 
-@given(coils, st.floats(0.5, 30.0))
+@given(coils, st.floats(12.0, 30.0))
 def test_the_limit_that_a_board_is_given_is_the_least_that_does(coil, limit_k):
     on_time_s = coil.on_time_s(limit_k)
     assert coil.limit_k(on_time_s) == pytest.approx(limit_k, rel=1e-12)
-    assert coil.limit_k(max(on_time_s - 1e-3, 2 * MARGIN_S)) < limit_k or on_time_s <= 2 * MARGIN_S
+    assert coil.limit_k(0.999 * on_time_s) < limit_k
 
 
 @settings(max_examples=60)
@@ -134,6 +134,6 @@ def test_a_slow_body_behind_a_small_account_was_at_the_limit_for_ever_and_then_l
 
 def test_the_constants_are_those_of_the_protocol_and_of_the_stated_tolerance():
     assert (BOARD_TAU_S, BUILT_ON_TIME_S) == (102.0, 2.5)
-    assert 0 < MARGIN_S <= 0.01 * BUILT_ON_TIME_S
+    assert MARGIN == 0.01
     assert WORST_COIL.jump_k_per_s == pytest.approx(79 / 97 * 25 / 1.28)
     assert CoilHeat().jump_k_per_s * BUILT_ON_TIME_S == pytest.approx(30.4, abs=0.05)  # a nominal tactor at the board's limit

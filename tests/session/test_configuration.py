@@ -69,9 +69,9 @@ def test_what_is_not_given_keeps_to_a_limit_that_is():
 
 
 def test_boards_are_configured_with_the_least_that_lets_every_legal_request_through():
-    """By hand: 25 K over 79/97 K/J at 25/1.28 W are 1571.7 ms of on-time, and 5 ms of margin."""
+    """By hand: 25 K over 79/97 K/J at 25/1.28 W are 1571.7 ms of on-time, 99 % of what the board is given."""
     nominal = Configuration()
-    assert nominal.tactiles.board_limits() == (200, 12_000, None, None, 1577)
+    assert nominal.tactiles.board_limits() == (200, 12_000, None, None, 1588)
     assert nominal.brake.board_limits() == (1500, None, 10_000, 1000, 45_000)
     tables = {
         "tactiles": {"rise_limit_k": 10, "current_limit_a": 8.5, "contact_pulse_s": 0.00604},
@@ -79,7 +79,7 @@ def test_boards_are_configured_with_the_least_that_lets_every_legal_request_thro
     }
     lowered = check_configuration(tables, "glove.toml")
     assert lowered.tactiles.contact_pulse_s == 0.00605  # what is booked is what plays, in units of 50 us
-    assert lowered.tactiles.board_limits() == (121, 8500, None, None, 634)
+    assert lowered.tactiles.board_limits() == (121, 8500, None, None, 636)
     assert lowered.brake.board_limits() == (612, None, 400, 1000, 3000)
 
 

@@ -140,7 +140,7 @@ def test_limits_of_the_file_reach_the_boards(tmp_path):
     )
     with haptics.open(str(path), clock="virtual") as glove:
         array, brake = (glove._glove.plant(name).board for name in ("tactiles", "brake"))
-        assert list(array.limits) == [160, 8000, 64, 3000, 634]
+        assert list(array.limits) == [160, 8000, 64, 3000, 636]
         assert list(brake.limits) == [400, 500, 500, 1000, 2000]
         with pytest.raises(haptics.InputError, match="400"):
             glove.brake("index", volts=401)
@@ -269,6 +269,21 @@ def test_what_a_host_knows_itself_is_neither_lowered_nor_raised_by_arming_again(
             now_k, now_ns = budget.rise_k(budget.latest_ns), budget.latest_ns
             assert now_k == pytest.approx(before_k * np.exp(-(now_ns - at_ns) / 1e9 / 107), rel=1e-9)
         assert glove.state().notes == ()
+
+
+def test_what_a_stuck_driver_took_is_in_the_account_when_armed_again():
+    """The board charges every coil, as any may have been the one; the plant shows which."""
+    with haptics.open(tactiles=f"sim://tactiles?level=event&{CORNERS[2]}", clock="virtual") as glove:
+        plant = glove._glove.plant("tactiles")
+        for _ in range(3):
+            glove.arm()
+            plant.set_load(1, driver_stuck=1)
+            glove.advance(0.1)
+            plant.set_load(1, driver_stuck=0)
+            assert "coil_on_time" in " ".join(glove.state().faults)
+            disarm(glove)
+        glove.arm()
+        assert 0.0 < plant.truth()["rise_k"][1] <= glove.state().rise_k["index_tip"]
 
 
 def test_a_cold_board_starts_a_host_at_nothing():
