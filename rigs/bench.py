@@ -24,6 +24,7 @@ from haptics.errors import HapticsError, InputError
 from haptics.link.commands import NEVER_NS, Pending
 from haptics.link.events import Event, Telemetry
 from haptics.link.messages import COIL_CHANNELS, DURATION_UNIT_US, Status
+from haptics.link.ports import check_port
 from haptics.recording import StreamSpec, finalise, recover
 from haptics.session.configuration import Configuration
 from haptics.session.glove import Glove, with_defaults
@@ -293,6 +294,8 @@ class Bench:
         for kind in self.options.instruments:
             if kind not in wanted:
                 raise InputError(f"{kind} is not read by this rig; allowed: {', '.join(wanted) or 'none'}")
+        for kind, port in self.options.instruments.items():
+            check_port(port, kind)
         missing = [kind for kind in wanted if kind not in self.options.instruments]
         if missing and not self.simulated:
             raise InputError(f"port = {url!r} is hardware, and no port is given for: {', '.join(missing)}")
@@ -343,14 +346,12 @@ class Bench:
                 one = waiting[0]
                 if one.faults:
                     return
-                seen = "samples, but not what it is" if one.count else "nothing that reads as samples"
-                raise InstrumentSilent(one.url, f"the {one.kind} prints {seen}", "open", "is it on, and at this baud rate?")
+                raise InstrumentSilent(one.url, f"the {one.kind} does not answer: {one.seen()}", "open")
             self.wait(0.05)
         while self._stage is not None and not self._stage.state:
             if self.now_ns > end_ns:
-                raise InstrumentSilent(
-                    self._stage.url, "the stage does not say how it is", "open", "is it on, and at this baud rate?"
-                )
+                seen = f"the stage does not say how it is: {self._stage.seen()}"
+                raise InstrumentSilent(self._stage.url, seen, "open")
             self.wait(0.05)
         if self.recorder is not None:
             for kind, one in self.instruments.items():

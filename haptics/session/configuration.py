@@ -9,15 +9,17 @@ import tomllib
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from haptics.errors import InputError
 from haptics.link.messages import BRAKE_CHANNELS, COIL_CHANNELS, DEFAULT_BAUD
+from haptics.link.ports import check_port
 from haptics.physics.brake_force import ForceLaw, ThresholdLaw, default_law
 from haptics.physics.brake_parameters import BRAKE
 from haptics.scene.sites import SITES
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+PortUrl = Annotated[str, AfterValidator(check_port)]
 
 
 class _Part(BaseModel):
@@ -35,7 +37,7 @@ class ActuatorCalibration(_Part):
 class TactilesConfiguration(_Part):
     """The array of tactors. ``sites[i]`` is where channel ``i`` sits on the hand."""
 
-    port: str = "sim://tactiles"
+    port: PortUrl = "sim://tactiles"
     baud: int = Field(default=DEFAULT_BAUD, ge=9600, le=2_000_000)
     sites: tuple[str, ...] = tuple(SITES)
     rise_limit_k: Annotated[float, Field(ge=1, le=60)] = Field(default=25.0, description="temperature rise limit, K (assumed)")
@@ -71,7 +73,7 @@ class BrakeCalibration(_Part):
 class BrakeConfiguration(_Part):
     """Brakes or clutches on one high-voltage supply. ``channels[i]`` names what output ``i`` drives."""
 
-    port: str = "sim://brake"
+    port: PortUrl = "sim://brake"
     baud: int = Field(default=DEFAULT_BAUD, ge=9600, le=2_000_000)
     channels: tuple[str, ...] = ("index", "thumb")
     amplitude_v: Annotated[float, Field(ge=0, le=1500)] = Field(default=1000.0, description="on a grasp, V (4.5.2)")

@@ -17,7 +17,7 @@ from haptics.link.connection import Link
 from haptics.link.events import Disarmed, Event, FaultReported, Lost, Rebooted, Telemetry
 from haptics.link.messages import Board, Fault, State, Status
 from haptics.link.polling import PollingRunner
-from haptics.link.ports import open_port
+from haptics.link.ports import check_port, open_port
 from haptics.link.runner import VirtualRunner, connect, finish
 from haptics.link.session import LinkSession
 from haptics.link.simulated import SimulatedPort, simulated
@@ -77,6 +77,9 @@ class Glove:
         self._opened = False
         self._wanted_armed = False
         asked = {"tactiles": tactiles, "brake": brake}
+        for name, part in asked.items():  # all of them before the first is opened, which may reset a board
+            if part is not None:
+                check_port(part.port, f"{name} port")
         try:
             for name, part in asked.items():
                 if part is not None:

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 from haptics.errors import LinkError
 from haptics.link.clock import signed_ticks
 from haptics.link.messages import BY_NAME, BY_TYPE, OPEN_COMMANDS, TICK_HZ, Board, State, Status, decode, encode, payload_size
-from haptics.link.ports import BytePort, PortErrors
+from haptics.link.ports import BytePort, PortErrors, read_waiting
 from haptics.link.simulated import SimulatedPort, simulated
 from haptics.link.trial.observed import ObservedPort
 from haptics.link.trial.raw_frames import checksum, frame, unstuffed
@@ -20,7 +20,6 @@ from haptics.time import NS_PER_MS
 
 TICKS_PER_MS = TICK_HZ // 1000
 _ANSWERS = ("identity", "sync_reply", "reply")
-_CHUNK = 4096
 _BOOT_MS = 4000.0
 _KEEPALIVE_MS = 30.0
 _SPARE_MS = 40.0  # a real machine needs some milliseconds for a question and its answer
@@ -153,8 +152,8 @@ class RawHost:
             self.port.write(data)
 
     def _read(self) -> None:
-        count = self.port.in_waiting
-        self._buffer += self.port.read(min(count, _CHUNK) if count or self.simulated is not None else 1)
+        came = read_waiting(self.port)
+        self._buffer += came or (b"" if self.simulated is not None else self.port.read(1))
         *pieces, self._buffer = self._buffer.split(b"\0")
         for piece in filter(None, pieces):
             self._hear(piece)
