@@ -164,7 +164,7 @@ class LinkSession:
         self._reset()
         self._now_ns = now_ns
         self.phase = Phase.IDENTIFYING
-        self._inquiry.begin("start", now_ns)
+        self._inquiry.begin("start", now_ns, self.counters)
         self._work(now_ns)
 
     def send(self, name: str, *values: Any, now_ns: int) -> Pending:
@@ -421,7 +421,9 @@ class LinkSession:
 
     def _suspect(self, reason: str, now_ns: int) -> None:
         """Ask again who is there; meanwhile commands wait."""
-        self._inquiry.begin(reason, now_ns)
+        if self._inquiry.reason is None:
+            self.seen = self._deframer.sample = b""
+        self._inquiry.begin(reason, now_ns, self.counters)
 
     def _stopped(self, now_ns: int) -> None:
         """A stop without an answer ends the session: a board that hears nothing more makes itself safe."""
@@ -434,12 +436,13 @@ class LinkSession:
         if self.phase is Phase.IDENTIFYING:
             self._fail(self.diagnosis(), now_ns)
             return
-        seen = f"the board fell silent for {self._inquiry.waited_s:g} s ({self._inquiry.reason})"
-        self.lost(LinkLost(self.port_name, seen, advice="check cable and power"), now_ns)
+        self.lost(handshake.silence(self.port_name, self.counters, self._inquiry, self._deframer.sample or self.seen), now_ns)
 
     def diagnosis(self) -> NotABoard:
         """Why no board was found so far, in words."""
-        return handshake.diagnosis(self.port_name, self.counters, self.seen, self._inquiry.tries, self._inquiry.waited_s)
+        return handshake.diagnosis(
+            self.port_name, self.counters, self._deframer.sample or self.seen, self._inquiry.tries, self._inquiry.waited_s
+        )
 
     def _fail(self, error: LinkError, now_ns: int) -> None:
         self._end(Phase.FAILED, error)

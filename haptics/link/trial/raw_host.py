@@ -235,7 +235,17 @@ class RawHost:
             found = self.answers(b"\0" + frame(BY_NAME["identify"].type, 0), wait_ms=100.0)
             if any(one.name == "identity" for one in found):
                 return self.identity
-        raise LinkError(self.name, f"no identity within {_BOOT_MS / 1000:g} s", "identify", "try haptics link identify")
+        raise LinkError(
+            self.name, f"no identity within {_BOOT_MS / 1000:g} s; {self._seen()}", "identify", "try haptics link identify"
+        )
+
+    def _seen(self) -> str:
+        """What came so far, in words."""
+        first = self.strange[0] if self.strange else self._buffer
+        if not self.heard and not first:
+            return "not one byte came"
+        quoted = f", beginning with {first[:32]!r}" if first else ""
+        return f"{len(self.heard)} whole frames of a board came, and {len(self.strange)} that are none{quoted}"
 
     @property
     def board(self) -> Board:
