@@ -20,6 +20,14 @@ class LimitError(HapticsError):
     """A well-formed request was refused because of a limit (volts, heat, current, validity)."""
 
 
+class GloveEnded(HapticsError):
+    """The glove is closed, or the thread that served it ended; the message says why."""
+
+
+class DeadManMissed(HapticsError):
+    """The boards went without their host for longer than their dead-man, and made themselves safe."""
+
+
 class LinkError(HapticsError):
     """Trouble on the wire.
 

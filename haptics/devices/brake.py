@@ -61,7 +61,7 @@ class BrakeDriver:
         self._index = {name: i for i, name in enumerate(self.channels)}
         self._frequency_dhz = _decihertz(frequency_hz)
         self._ttl_ns = seconds_to_ns(in_range("ttl_s", ttl_s, 0.01, 60.0, "s"))
-        self._max_amplitude_v = max_amplitude_v
+        self.max_amplitude_v = max_amplitude_v
         self._holds: dict[int, _Hold] = {}
         self._refresh_ns = 0
         self._next_end_ns: int | None = None
@@ -83,7 +83,7 @@ class BrakeDriver:
         :raises InputError: unknown output, volts outside 0 to the limit, or a frequency outside 0.1 to 1000 Hz.
         """
         index = self._index_of(name)
-        amplitude_v = in_range("amplitude_v", amplitude_v, 0.0, self._max_amplitude_v, "V")
+        amplitude_v = in_range("amplitude_v", amplitude_v, 0.0, self.max_amplitude_v, "V")
         until_ns = None if ttl_s is None else now_ns + seconds_to_ns(in_range("ttl_s", ttl_s, 0.001, 60.0, "s"))
         frequency_dhz = self._frequency_dhz if frequency_hz is None else _decihertz(frequency_hz)
         self._holds[index] = _Hold(amplitude_v, until_ns, frequency_dhz)

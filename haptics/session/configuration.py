@@ -6,7 +6,7 @@ Limits may be lowered, never raised past what the firmware holds (the upper ends
 from __future__ import annotations
 
 import tomllib
-from pathlib import Path
+from os import PathLike
 from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
@@ -17,6 +17,7 @@ from haptics.link.ports import check_port
 from haptics.physics.brake_force import ForceLaw, ThresholdLaw, default_law
 from haptics.physics.brake_parameters import BRAKE
 from haptics.scene.sites import SITES
+from haptics.units import file_path
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 PortUrl = Annotated[str, AfterValidator(check_port)]
@@ -115,13 +116,14 @@ class Configuration(_Part):
     brake: BrakeConfiguration = BrakeConfiguration()
 
 
-def load_configuration(path: str | Path | None) -> Configuration:
+def load_configuration(path: str | PathLike[str] | None) -> Configuration:
     """The configuration in a TOML file, or the simulated glove for None.
 
     :raises InputError: no such file, not TOML (with line and column), or a key or value that is not allowed.
     """
     if path is None:
         return Configuration()
+    path = file_path("config", path)
     try:
         with open(path, "rb") as file:
             table = tomllib.load(file)

@@ -26,8 +26,10 @@ from haptics.scheduling import CoilLimits, ThermalBudget
 from haptics.session.configuration import BrakeConfiguration, TactilesConfiguration
 from haptics.session.faults import fault_names
 from haptics.time import NS_PER_MS, NS_PER_S, MonotonicClock, VirtualClock, seconds_to_ns
+from haptics.units import an_instance, whole_number
 
 TICK_NS = NS_PER_MS
+_PARTS: dict[str, type] = {"tactiles": TactilesConfiguration, "brake": BrakeConfiguration}
 ARM_TIMEOUT_S = 2.0
 OFF_TIMEOUT_S = 1.0
 HANDOVER_S = 100e-6
@@ -68,6 +70,7 @@ class Glove:
         simulate: Mapping[str, Mapping[str, object]] | None = None,
         wire_tap: WireTap | None = None,
     ):
+        seed = whole_number("seed", seed, 0, 2**32 - 1)
         self.realtime = realtime
         self.clock: VirtualClock | MonotonicClock = MonotonicClock() if realtime else VirtualClock()
         self.links: dict[str, Link] = {}
@@ -79,6 +82,7 @@ class Glove:
         asked = {"tactiles": tactiles, "brake": brake}
         for name, part in asked.items():  # all of them before the first is opened, which may reset a board
             if part is not None:
+                an_instance(name, part, _PARTS[name], "a part of haptics.load_configuration's answer, or None")
                 check_port(part.port, f"{name} port")
         try:
             for name, part in asked.items():

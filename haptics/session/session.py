@@ -26,7 +26,10 @@ from haptics.session.configuration import Configuration
 from haptics.session.glove import Glove
 from haptics.session.recorder import Recorder
 from haptics.time import NS_PER_MS, NS_PER_S
+from haptics.units import an_instance, whole_number
 
+LATEST_NS = 1 << 62
+"""End of time, as far as any clock here goes."""
 SAMPLE_NS = 10 * NS_PER_MS
 """The devices are sampled into the recording this often."""
 
@@ -74,6 +77,7 @@ class Session:
 
     :param scene: placed. :param glove: open; armed by its owner.
     :param recorder: takes rows, or None.
+    :raises InputError: something else in place of these, here or in a call.
     """
 
     def __init__(
@@ -83,6 +87,9 @@ class Session:
         configuration: Configuration,
         recorder: Recorder | None = None,
     ):
+        an_instance("scene", scene, Scene, "from haptics.load_scene")
+        an_instance("glove", glove, Glove, "from haptics.Glove")
+        an_instance("configuration", configuration, Configuration, "from haptics.load_configuration")
         self.scene, self.glove, self.recorder = scene, glove, recorder
         self.truth = Truth()
         self.results: list[Result] = []
@@ -104,12 +111,15 @@ class Session:
 
     def begin(self, start_ns: int) -> None:
         """The scene's own clock (motions, signals) reads zero at ``start_ns`` of the glove's time."""
+        start_ns = whole_number("start_ns", start_ns, 0, LATEST_NS)
         self.loop.begin(start_ns)
         if self.recorder is not None:
             self.recorder.event(start_ns, "start")
 
     def submit(self, frame: HandFrame, now_ns: int) -> str | None:
         """A pose that arrived at ``now_ns``; returns why it was refused, or None. Never blocks."""
+        an_instance("frame", frame, HandFrame, "with time, side and joints")
+        now_ns = whole_number("now_ns", now_ns, 0, LATEST_NS)
         reason = self.loop.submit(frame, now_ns)
         if self.recorder is not None:
             self.recorder.pose(now_ns, frame, reason is None)
@@ -117,10 +127,12 @@ class Session:
 
     def hand_gone(self, now_ns: int) -> None:
         """The tracker says there is no hand any more."""
-        self.loop.hand_gone(now_ns)
+        self.loop.hand_gone(whole_number("now_ns", now_ns, 0, LATEST_NS))
 
     def tick(self, now_ns: int) -> None:
         """One period of the loop: links to ``now_ns``, effects, drivers, rows."""
+        if type(now_ns) is not int:
+            now_ns = whole_number("now_ns", now_ns, 0, LATEST_NS)
         self.glove.follow(now_ns)
         self.loop.tick(now_ns)
         self._observe(now_ns)
