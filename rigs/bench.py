@@ -198,7 +198,7 @@ class Bench:
             mask |= 1 << at
             durations[at] = round(in_range("duration_s", duration_s, 50e-6, 10e-3, "s") * 1e6 / DURATION_UNIT_US)
         toward = mask if toward_skin else 0
-        pending = self.link.send("pulse", self.link.to_ticks(at_ns), mask, toward, durations, now_ns=self.now_ns)
+        pending = self.link.send("pulse", self.link.exact_ticks(at_ns), mask, toward, durations, now_ns=self.now_ns)
         self._pending.append(("pulse", pending))
         self.pulsed_ns.append(at_ns)
         back_ns = NEVER_NS if toward_skin else at_ns + seconds_to_ns(duration_s)

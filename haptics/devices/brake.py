@@ -68,6 +68,8 @@ class BrakeDriver:
         self._changed = False
         self._replies: list[tuple[str, Pending, int]] = []
         self._refusals: list[Refusal] = []
+        self.commands = 0
+        """Commands tried so far, refused or not."""
 
     def engage(
         self,
@@ -162,10 +164,11 @@ class BrakeDriver:
         self._send("drive", now_ns, start_ns, mask, amplitude_v, frequency_dhz, ttl_ms)
 
     def _send(self, name: str, now_ns: int, start_ns: int, *values: int) -> None:
+        self.commands += 1
         try:
             ticks = self.link.to_ticks(start_ns)
-        except ClockUncertain as error:
-            self._refusals.append(Refusal(name, str(error), now_ns))
+        except ClockUncertain:
+            self._refusals.append(Refusal(name, "clock", now_ns))
             return
         self._replies.append((name, self.link.send(name, ticks, *values, now_ns=now_ns), now_ns))
 

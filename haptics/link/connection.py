@@ -72,6 +72,16 @@ class Link:
         with self._lock:
             return self.session.to_ticks(host_ns)
 
+    def exact_ticks(self, host_ns: int) -> int:
+        """See ``LinkSession.exact_ticks``."""
+        with self._lock:
+            return self.session.exact_ticks(host_ns)
+
+    @property
+    def shift_ns(self) -> int:
+        """See ``LinkSession.shift_ns``."""
+        return self.session.shift_ns
+
     def to_host_ns(self, ticks: int) -> int:
         """See ``LinkSession.to_host_ns``."""
         with self._lock:

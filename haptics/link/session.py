@@ -135,14 +135,30 @@ class LinkSession:
         return taken
 
     def to_ticks(self, host_ns: int) -> int:
-        """Board ticks (u32) at a host time.
+        """Board ticks (u32) for a command at a host time; on a coarse line ``shift_ns`` later.
 
         :raises ClockUncertain: the board's clock is not known well enough at that time.
         """
-        uncertain = self._exchanges.uncertain(host_ns)
+        self._need_clock(host_ns)
+        return self._fit().to_ticks(self._exchanges.shifted_ns(host_ns))
+
+    def exact_ticks(self, host_ns: int) -> int:
+        """Board ticks (u32) at a host time, to measure by.
+
+        :raises ClockUncertain: the board's clock is not known within ``exact_error_s`` at that time.
+        """
+        self._need_clock(host_ns, exact=True)
+        return self._fit().to_ticks(host_ns)
+
+    @property
+    def shift_ns(self) -> int:
+        """How much later than asked for commands are scheduled, because the clock is known only coarsely; 0 on a good line."""
+        return self._exchanges.shift_ns
+
+    def _need_clock(self, host_ns: int, exact: bool = False) -> None:
+        uncertain = self._exchanges.uncertain(host_ns, exact)
         if uncertain is not None:
             raise ClockUncertain(self.port_name, uncertain)
-        return self._fit().to_ticks(host_ns)
 
     def to_host_ns(self, ticks: int) -> int:
         """Host time of board ticks (u32) within 1073 s of the last call's time.
@@ -183,9 +199,14 @@ class LinkSession:
             return pending
         if name == "disarm":
             self.armed = False
-        self._window.submit(pending)
+        self._window.submit(pending, self._latest_ns(values[0], now_ns) if name in _TIMED else NEVER_NS)
         self._work(now_ns)
         return pending
+
+    def _latest_ns(self, ticks: int, now_ns: int) -> int:
+        """When a command for ``ticks`` must leave: as long before as half an exchange took, which is what the clock is known by."""
+        fit = self.clock
+        return NEVER_NS if fit is None else fit.to_host_ns(ticks, now_ns) - round(fit.error_s * NS_PER_S)
 
     def arm(self, now_ns: int) -> Pending:
         """Arm the board that was identified, and no other: its boot id goes along."""
@@ -346,6 +367,7 @@ class LinkSession:
             return
         if not fits:
             self._suspect("its clock jumped", now_ns)
+        self._window.timeout_ns = self._exchanges.reply_timeout_ns
         if self.clock is not None:
             self._tell(self.clock)
         if self.phase is Phase.SYNCING and self._exchanges.started:

@@ -22,7 +22,7 @@ from haptics.session.faults import fault_names
 class Off:
     """One port's outcome.
 
-    ``safe``: a board said that it is off and no fault's cause is left. A port that was found, not named, and has no board behind it
+    ``safe``: a board said that it is off and no fault's cause is left. A port that was found, not named, with no board behind it,
     counts as safe too.
     """
 

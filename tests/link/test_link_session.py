@@ -51,6 +51,9 @@ from haptics.link import (
     Telemetry,
 )
 
+from haptics.link.settings import LinkCounters
+from haptics.link.sync import ClockExchanges
+
 DURATIONS = (100, *[0] * 14)
 
 
@@ -618,12 +621,70 @@ def test_nothing_is_scheduled_by_a_stale_clock(armed):
 
 
 def test_nothing_is_scheduled_by_a_loose_clock():
-    bench = Bench(LinkSession(Board.TACTILES, "far away"), BoardDouble(), delay_ns=8 * MS)
+    bench = Bench(LinkSession(Board.TACTILES, "far away"), BoardDouble(), delay_ns=30 * MS)
     bench.session.start(0)
-    bench.run(1000)
+    bench.run(2000)
     assert bench.session.ready
     with pytest.raises(ClockUncertain, match="known within"):
         bench.session.to_ticks(bench.now_ns)
+    assert bench.session.counters.clock_refusals == 1
+    assert 25 < bench.session.counters.clock_refused_ms < 35
+
+
+def test_nothing_is_measured_by_a_coarse_clock():
+    bench = Bench(LinkSession(Board.TACTILES, "far away"), BoardDouble(), delay_ns=8 * MS)
+    bench.session.start(0)
+    bench.run(1000)
+    bench.session.to_ticks(bench.now_ns)
+    with pytest.raises(ClockUncertain, match="allowed: 5 ms"):
+        bench.session.exact_ticks(bench.now_ns)
+
+
+@pytest.mark.parametrize(("up_ms", "down_ms"), [(0.3, 16.0), (16.0, 0.3), (8.0, 8.0)])
+def test_over_a_coarse_line_commands_play_later_by_the_clocks_bound_and_never_too_late(up_ms, down_ms):
+    """The truth is the double's own clock: asked for 3 ms ahead, a pulse reaches it before its time, and plays within twice the shift."""
+    bench = Bench(LinkSession(Board.TACTILES, "slow"), BoardDouble(skew=2e-4))
+    bench.up = lambda now_ns, data: (round(up_ms * MS), data)
+    bench.down = lambda now_ns, data: (round(down_ms * MS), data)
+    bench.session.start(0)
+    bench.run(3000)
+    bench.session.arm(bench.now_ns)
+    bench.run(100)
+    pendings, asked = [], []
+    for _ in range(40):
+        asked.append(bench.now_ns + 3 * MS)
+        ticks = bench.session.to_ticks(asked[-1])
+        pendings.append(bench.session.send("pulse", ticks, 1, 1, DURATIONS, now_ns=bench.now_ns))
+        plays_ns = (ticks - bench.board.ticks_0) * 500 / (1 + 2e-4)
+        assert asked[-1] <= plays_ns <= asked[-1] + 2 * bench.session.shift_ns + MS // 100
+        bench.run(50)
+    bench.run(200)
+    assert [pending.status for pending in pendings] == [Status.OK] * 40
+    assert 5 * MS < bench.session.shift_ns <= 12 * MS
+
+
+def test_the_shift_grows_at_once_and_shrinks_only_when_nothing_was_asked_for_a_while():
+    exchanges = ClockExchanges(LinkSettings(), LinkCounters())
+    exchanges._shift_wanted_ns = 5 * MS
+    assert exchanges.shifted_ns(1000 * MS) == 1005 * MS
+    exchanges._shift_wanted_ns = 9 * MS
+    assert exchanges.shifted_ns(1010 * MS) == 1019 * MS
+    exchanges._shift_wanted_ns = 0
+    assert exchanges.shifted_ns(1020 * MS) == 1029 * MS
+    assert exchanges.shifted_ns(1120 * MS) == 1129 * MS
+    assert exchanges.shifted_ns(1221 * MS) == 1221 * MS
+
+
+@pytest.mark.parametrize("period_ms", [16, 40])
+def test_a_line_that_hands_answers_on_in_batches_is_asked_at_all_its_phases(period_ms):
+    """Asked again at once, each answer would wait for a whole batch: the clock would be known within half of one for ever."""
+    bench = Bench(LinkSession(Board.TACTILES, "batches"), BoardDouble())
+    bench.down = lambda now_ns, data: (period_ms * MS - now_ns % (period_ms * MS), data)
+    bench.session.start(0)
+    bench.run(4000)
+    assert bench.session.ready
+    error_s = (bench.session.clock.to_ticks(bench.now_ns) - bench.board.ticks(bench.now_ns)) / 2e6
+    assert abs(error_s) <= bench.session.clock.error_bound_s(bench.now_ns) < period_ms * 1e-3 / 3
 
 
 def test_clock_is_measured_at_least_every_half_second(ready):
