@@ -125,8 +125,8 @@ class CommandWindow:
     def submit(self, pending: Pending, latest_ns: int = NEVER_NS) -> None:
         """Queue a command behind those that wait.
 
-        :param latest_ns: a command that still waits then is not sent, and ends as ``late``: a queue that has once grown longer than
-            the line is fast would else make everything late for ever.
+        :param latest_ns: a command that still waits then is not sent, and ends as ``late``: a queue that has once grown
+            longer than the line is fast would else make everything late for ever.
         """
         self._waiting.append((pending, self._tries, latest_ns))
 

@@ -204,7 +204,7 @@ class LinkSession:
         return pending
 
     def _latest_ns(self, ticks: int, now_ns: int) -> int:
-        """When a command for ``ticks`` must leave: as long before as half an exchange took, which is what the clock is known by."""
+        """When a command for ``ticks`` must leave: as long before as half an exchange takes, which is the clock's bound."""
         fit = self.clock
         return NEVER_NS if fit is None else fit.to_host_ns(ticks, now_ns) - round(fit.error_s * NS_PER_S)
 

@@ -1,7 +1,7 @@
 """Whether a run was felt at all: how many requests failed on the line or the board, which reason dominates, and its cure.
 
-A request that heat or another request kept from playing was denied by design; one that could not be timed, came too late, found the
-queue full or was never answered was not felt although it should have been.
+A request that heat or another request kept from playing was denied by design; one that could not be timed, came too late, found
+the queue full or was never answered was not felt although it should have been.
 """
 
 from __future__ import annotations

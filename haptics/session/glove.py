@@ -293,7 +293,7 @@ class Glove:
         return self.tactiles is None or (self.tactiles.idle and self.now_ns() > self._last_pulse_ends_ns())
 
     def _last_pulse_ends_ns(self) -> int:
-        """On the board's side: what was sent over a coarse line plays later than it was asked for, or than its clock is thought."""
+        """On the board: what was sent over a coarse line plays later than asked for, by twice the shift at most."""
         return 0 if self.tactiles is None else self.tactiles.busy_until_ns + 2 * self.links["tactiles"].shift_ns
 
     def close(self) -> None:

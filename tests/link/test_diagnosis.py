@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import pytest
+from board_double import BoardDouble, frame
 
 from haptics.errors import LinkLost, NotABoard
 from haptics.link.framing import Deframer
 from haptics.link.messages import Board
 from haptics.link.session import LinkSession
-from tests.link.board_double import BoardDouble, frame
 
 MS = 1_000_000
 

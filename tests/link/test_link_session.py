@@ -50,7 +50,6 @@ from haptics.link import (
     Status,
     Telemetry,
 )
-
 from haptics.link.settings import LinkCounters
 from haptics.link.sync import ClockExchanges
 
@@ -642,7 +641,7 @@ def test_nothing_is_measured_by_a_coarse_clock():
 
 @pytest.mark.parametrize(("up_ms", "down_ms"), [(0.3, 16.0), (16.0, 0.3), (8.0, 8.0)])
 def test_over_a_coarse_line_commands_play_later_by_the_clocks_bound_and_never_too_late(up_ms, down_ms):
-    """The truth is the double's own clock: asked for 3 ms ahead, a pulse reaches it before its time, and plays within twice the shift."""
+    """By the double's own clock: asked for 3 ms ahead, a pulse is there in time, and plays within twice the shift."""
     bench = Bench(LinkSession(Board.TACTILES, "slow"), BoardDouble(skew=2e-4))
     bench.up = lambda now_ns, data: (round(up_ms * MS), data)
     bench.down = lambda now_ns, data: (round(down_ms * MS), data)

@@ -1,4 +1,4 @@
-"""A run in which hardly anything was felt is no success, and says why and what to do; denials by design are none of its faults."""
+"""A run in which hardly anything was felt is no success, and says why and what to do; denials by design are no fault."""
 
 from __future__ import annotations
 

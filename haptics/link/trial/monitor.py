@@ -135,7 +135,8 @@ def line_in_words(link: Link, now_ns: int) -> str:
     if known_s > needs.max_error_s:
         return f"too coarse to schedule: {known}, {needs.max_error_s * 1e3:g} ms needed; {FINER_LINE}"
     if known_s > needs.exact_error_s:
-        return f"coarse: {known}, so commands play that much later ({needs.exact_error_s * 1e3:g} ms needed to measure); {FINER_LINE}"
+        measure = f"{needs.exact_error_s * 1e3:g} ms needed to measure by"
+        return f"coarse: {known}, so commands play that much later ({measure}); {FINER_LINE}"
     return f"good: {known}"
 
 
