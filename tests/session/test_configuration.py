@@ -76,3 +76,15 @@ def test_a_file_that_is_not_toml_is_refused_with_its_place(tmp_path):
     path.write_text("side = \n")
     with pytest.raises(InputError, match="line 1"):
         load_configuration(path)
+
+
+@pytest.mark.parametrize("part", ["tactiles", "brake"])
+@pytest.mark.parametrize("url", ["spy://sim://tactiles?file={victim}", "alt://x?class=y", "socket://host", "hwgrep://", ""])
+def test_a_port_of_a_kind_that_is_not_opened_is_refused_in_a_file(tmp_path, part, url):
+    victim = tmp_path / "victim"
+    victim.write_text("mine")
+    file = tmp_path / "glove.toml"
+    file.write_text(f'[{part}]\nport = "{url.format(victim=victim)}"\n')
+    with pytest.raises(InputError, match=f"{part}.port"):
+        load_configuration(file)
+    assert victim.read_text() == "mine"
