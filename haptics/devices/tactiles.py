@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from haptics.devices.coil_ends import CoilEnds
 from haptics.errors import ClockUncertain, InputError
 from haptics.link.commands import Pending
 from haptics.link.connection import Link
@@ -82,6 +83,7 @@ class TactilesDriver:
         self._flying: dict[int, _InFlight] = {}
         self._replies: list[tuple[Pending, list[int]]] = []
         self._later: list[tuple[int, str]] = []
+        self._ends = CoilEnds()
         self._next_token = 0
         self._results: list[Result] = []
         self.busy_until_ns = 0
@@ -249,7 +251,9 @@ class TactilesDriver:
                 self.busy_until_ns = max(self.busy_until_ns, start_ns + seconds_to_ns(pulse.duration_s))
             tokens = [pulse.token for pulse in group if isinstance(pulse.token, int)]
             try:
-                ticks = self.link.to_ticks(start_ns)
+                ticks = self._ends.start(
+                    self.link.to_ticks(start_ns), {pulse.channel: durations[pulse.channel] for pulse in group}
+                )
             except ClockUncertain:
                 for token in tokens:
                     self._flying.setdefault(token, _InFlight()).refused = "clock"

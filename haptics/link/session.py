@@ -204,9 +204,9 @@ class LinkSession:
         return pending
 
     def _latest_ns(self, ticks: int, now_ns: int) -> int:
-        """When a command for ``ticks`` must leave: as long before as half an exchange takes, which is the clock's bound."""
+        """Until when a waiting command for ``ticks`` is worth sending: as long before as half an exchange takes, the clock's bound."""
         fit = self.clock
-        return NEVER_NS if fit is None else fit.to_host_ns(ticks, now_ns) - round(fit.error_s * NS_PER_S)
+        return NEVER_NS if fit is None else max(now_ns, fit.to_host_ns(ticks, now_ns) - round(fit.error_s * NS_PER_S))
 
     def arm(self, now_ns: int) -> Pending:
         """Arm the board that was identified, and no other: its boot id goes along."""
