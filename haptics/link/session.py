@@ -204,7 +204,7 @@ class LinkSession:
         return pending
 
     def _latest_ns(self, ticks: int, now_ns: int) -> int:
-        """Until when a waiting command for ``ticks`` is worth sending: as long before as half an exchange takes, the clock's bound."""
+        """Until when a waiting command for ``ticks`` is worth sending: half an exchange before, which is the clock's bound."""
         fit = self.clock
         return NEVER_NS if fit is None else max(now_ns, fit.to_host_ns(ticks, now_ns) - round(fit.error_s * NS_PER_S))
 
