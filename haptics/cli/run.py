@@ -7,7 +7,8 @@ from typing import Annotated
 
 import typer
 
-from haptics.cli.show import chosen_levels, plain, print_json, print_pairs, print_table
+from haptics.cli.show import chosen_levels, name_leftovers, plain, print_json, print_pairs, print_table, printing
+from haptics.errors import HapticsError
 
 
 def run(
@@ -32,6 +33,7 @@ def run(
     from haptics.session.configuration import load_configuration
     from haptics.session.run import RunOptions, run_scene
 
+    name_leftovers(Path.cwd() if out is None else out.parent)
     report = run_scene(
         scene,
         hand,
@@ -52,10 +54,15 @@ def run(
             budget_s_per_s=budget,
         ),
     )
-    if json:
-        print_json(report)
-    else:
-        _show(plain(report))
+    try:
+        if json:
+            print_json(report)
+        else:
+            with printing():
+                _show(plain(report))
+    except HapticsError as error:
+        error.add_note(f"the recording {report['recording']} is complete")
+        raise
     if report["faults"]:
         raise typer.Exit(1)
 
