@@ -88,8 +88,7 @@ def orderly() -> Iterator[None]:
     except Ended as error:
         _restore(taken)
         if error.number in taken:
-            if taken[error.number] is signal.SIG_DFL:  # nobody will see the exception
-                say(error)
+            say(error)  # the exception goes no further
             signal.raise_signal(error.number)
         raise
     finally:

@@ -18,6 +18,7 @@ from typing import Any
 
 import tomlkit
 
+from haptics.cli.program import run_program
 from haptics.errors import HapticsError, InputError
 from haptics.recording.output import replacing
 from haptics.session.configuration import Configuration, check_configuration, load_configuration
@@ -132,4 +133,4 @@ def _characterise(arguments: argparse.Namespace, configuration: Configuration) -
 
 
 if __name__ == "__main__":
-    main()
+    run_program(main)

@@ -27,11 +27,9 @@ def measure(
     from json import dumps
 
     from haptics.fidelity import measured
-    from haptics.recording.output import refuse_existing, replacing
+    from haptics.recording.output import check_outputs, replacing
 
-    for path in (out, picture):
-        if path is not None:
-            refuse_existing(path, force)
+    check_outputs({"out": out, "picture": picture}, force)
     if shipped:
         table = measured.shipped()
     else:

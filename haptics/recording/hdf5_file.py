@@ -13,17 +13,16 @@ import io
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from haptics.errors import HapticsError, InputError
 
-if TYPE_CHECKING:
-    import h5py
-
 _FILTERS = {1: "gzip", 2: "shuffle", 3: "fletcher32"}
+DAMAGE = (ArithmeticError, AttributeError, LookupError, MemoryError, OSError, RuntimeError, SystemError, TypeError, ValueError)
+"""What h5py raises where a file is damaged; which of them depends on what it meets first."""
 _LARGEST_RATIO = 1100
 """gzip packs 1032 bytes into one, at the very best."""
 
@@ -72,7 +71,7 @@ class _Sink(io.RawIOBase):
 
 
 @contextmanager
-def writing(path: Path) -> Iterator[h5py.File]:
+def writing(path: Path) -> Iterator[Any]:
     """A new HDF5 file at ``path``.
 
     :raises OSError: it cannot be written.
@@ -91,7 +90,7 @@ def writing(path: Path) -> Iterator[h5py.File]:
 
 
 @contextmanager
-def reading(path: Path) -> Iterator[h5py.File]:
+def reading(path: Path) -> Iterator[Any]:
     """An HDF5 file that is there.
 
     :raises InputError: no such file, or whatever goes wrong while it is read.
@@ -105,15 +104,16 @@ def reading(path: Path) -> Iterator[h5py.File]:
         raise
     except FileNotFoundError:
         raise InputError(f"{path}: no such file") from None
-    except Exception as error:  # what h5py raises depends on what damage it meets first
+    except DAMAGE as error:
         raise InputError(f"{path} cannot be read as HDF5: {error or type(error).__name__}") from error
 
 
-def group_at(parent: h5py.Group, name: str) -> h5py.Group:
+def group_at(parent: Any, name: str) -> Any:
     """A group in a group.
 
     :raises InputError: there is none that lies in this file.
     """
+
     import h5py
 
     found = _own(parent, name)
@@ -122,11 +122,12 @@ def group_at(parent: h5py.Group, name: str) -> h5py.Group:
     return found
 
 
-def dataset_at(parent: h5py.Group, name: str) -> h5py.Dataset:
+def dataset_at(parent: Any, name: str) -> Any:
     """A dataset in a group, whose values lie in this file and are no more than it can hold.
 
     :raises InputError: there is none.
     """
+
     import h5py
 
     found = _own(parent, name)
@@ -147,7 +148,7 @@ def dataset_at(parent: h5py.Group, name: str) -> h5py.Dataset:
     return found
 
 
-def values_at(parent: h5py.Group, name: str) -> NDArray[Any]:
+def values_at(parent: Any, name: str) -> NDArray[Any]:
     """The values of a dataset.
 
     :raises InputError: there is none, or it cannot be read.
@@ -157,7 +158,7 @@ def values_at(parent: h5py.Group, name: str) -> NDArray[Any]:
         return np.asarray(dataset[()])
 
 
-def text_at(parent: h5py.Group, name: str) -> str:
+def text_at(parent: Any, name: str) -> str:
     """The text of a dataset that holds one.
 
     :raises InputError: there is none, or it is no text.
@@ -170,7 +171,7 @@ def text_at(parent: h5py.Group, name: str) -> str:
         return value.decode()
 
 
-def attribute_of(part: h5py.Group | h5py.Dataset, name: str, kind: type | tuple[type, ...]) -> Any:
+def attribute_of(part: Any, name: str, kind: type | tuple[type, ...]) -> Any:
     """An attribute.
 
     :raises InputError: there is none, or it is of another type.
@@ -180,14 +181,14 @@ def attribute_of(part: h5py.Group | h5py.Dataset, name: str, kind: type | tuple[
         value = part.attrs[name]
     except KeyError:
         raise InputError(f"{where} has no attribute {name}") from None
-    except Exception as error:
+    except DAMAGE as error:
         raise InputError(f"{where}: attribute {name} cannot be read: {error}") from error
     if not isinstance(value, kind):
         raise InputError(f"{where}: attribute {name} = {value!r} is of the wrong type")
     return value
 
 
-def _own(parent: h5py.Group, name: str) -> Any:
+def _own(parent: Any, name: str) -> Any:
     import h5py
 
     where = f"{parent.file.filename}: {parent.name.rstrip('/')}/{name}"
@@ -195,7 +196,7 @@ def _own(parent: h5py.Group, name: str) -> Any:
         link = parent.get(name, getlink=True)
         if isinstance(link, h5py.HardLink):
             return parent[name]
-    except Exception as error:
+    except DAMAGE as error:
         raise InputError(f"{where} cannot be read: {error}") from error
     if link is None:
         raise InputError(f"{where} is missing")
@@ -203,10 +204,10 @@ def _own(parent: h5py.Group, name: str) -> Any:
 
 
 @contextmanager
-def _placed(dataset: h5py.Dataset) -> Iterator[None]:
+def _placed(dataset: Any) -> Iterator[None]:
     try:
         yield
     except InputError:
         raise
-    except Exception as error:
+    except DAMAGE as error:
         raise InputError(f"{dataset.file.filename}: {dataset.name} cannot be read: {error}") from error

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import os
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from haptics.errors import HapticsError, InputError
@@ -99,7 +99,5 @@ def _begun(path: Path) -> Path:
 
 
 def _forget(partial: Path) -> None:
-    try:
+    with suppress(OSError):  # the disk went, and the file with it
         partial.unlink(missing_ok=True)
-    except OSError:  # the disk went, and the file with it
-        pass

@@ -10,7 +10,7 @@ import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,9 +21,6 @@ from haptics.recording.hdf5_file import attribute_of, dataset_at, group_at, read
 from haptics.recording.seal import Seal, check_seal
 from haptics.recording.segments import MAGIC
 from haptics.recording.streams import StreamSpec
-
-if TYPE_CHECKING:
-    import h5py
 
 _UNSEALED = 1
 """The last layout that was written without a seal."""
@@ -44,7 +41,7 @@ class Recording:
     :ivar counts: rows by stream.
     """
 
-    def __init__(self, path: Path, file: h5py.File, verified: bool):
+    def __init__(self, path: Path, file: Any, verified: bool):
         import h5py
 
         entry = group_at(file, "entry")
@@ -110,7 +107,7 @@ class Recording:
             return values_at(group_at(entry, "attachments"), name).tobytes()
 
     @contextmanager
-    def _again(self) -> Iterator[h5py.Group]:
+    def _again(self) -> Iterator[Any]:
         with reading(self.path) as file:
             if _state(self.path) != self._was:
                 raise InputError(f"{self.path} was changed after it was opened; open it again")
@@ -169,7 +166,7 @@ def _state(path: Path) -> tuple[int, int, int]:
     return found.st_ino, found.st_size, found.st_mtime_ns
 
 
-def _object(group: h5py.Group, name: str) -> dict[str, Any]:
+def _object(group: Any, name: str) -> dict[str, Any]:
     """A JSON object kept as text."""
     text = text_at(group, name)
     try:
@@ -181,7 +178,7 @@ def _object(group: h5py.Group, name: str) -> dict[str, Any]:
     return dict(data)
 
 
-def _stream(group: h5py.Group, name: str) -> tuple[StreamSpec, int]:
+def _stream(group: Any, name: str) -> tuple[StreamSpec, int]:
     """What a stream's columns hold, and how many rows they all have."""
     where = f"{group.file.filename}: {group.name}"
     columns = {field: dataset_at(group, field) for field in group}
