@@ -29,12 +29,11 @@ def refuse_leftover(path: Path, force: bool) -> None:
     :param force: one that holds nothing may go.
     :raises InputError: there is a file, and if it is a journal, what saves it; or there is no folder.
     """
+    refuse_existing(path, force=True)
     if not path.exists():
-        refuse_existing(path, force)
         return
     if being_written(path):
         raise InputError(f"{path}: another process is still writing this journal")
-    refuse_existing(path, force=True)
     if not is_journal(path):
         if not force or path.stat().st_size:
             raise InputError(f"{path} exists and is no journal; choose another name for the recording")

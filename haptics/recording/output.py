@@ -12,14 +12,19 @@ from haptics.errors import HapticsError, InputError
 
 
 def refuse_existing(path: Path, force: bool) -> None:
-    """:raises InputError: ``path`` exists and ``force`` is not given, is a folder or a device, or its folder is missing."""
-    if not path.parent.is_dir():
+    """:raises InputError: ``path`` exists and ``force`` is not given, is a folder or a device, or cannot be a file at all."""
+    try:
+        in_folder, there = path.parent.is_dir(), path.exists()
+        folder, file = path.is_dir(), path.is_file()
+    except OSError as error:  # a name that is too long, a folder that may not be looked into
+        raise InputError(f"{path} cannot be written: {error.strerror or error}") from error
+    if not in_folder:
         raise InputError(f"{path}: there is no folder {path.parent}")
-    if path.is_dir():
+    if folder:
         raise InputError(f"{path} is a folder; a file name is wanted")
-    if path.exists() and not path.is_file():
+    if there and not file:
         raise InputError(f"{path} is a device or a pipe; a file name is wanted")
-    if path.exists() and not force:
+    if there and not force:
         raise InputError(f"{path} exists and is not overwritten; choose another name or force it (--force)")
 
 

@@ -101,13 +101,21 @@ def test_a_hundred_killed_runs(haptics, tmp_path, whole):
     all_acknowledged_comes_back(haptics, tmp_path, whole, kills=100, seed=2)
 
 
-def test_a_killed_run_can_be_run_again_over_what_it_left(haptics, tmp_path, whole):
+def test_what_a_killed_run_left_is_never_overwritten_and_is_named_with_what_saves_it(haptics, tmp_path, whole):
     out = tmp_path / "again.h5"
     kill_a_run(out, 50_000)
-    done = haptics("run", SCENE, "--out", out)
-    assert done.code == 2
-    assert "again.journal" in done.err  # the only copy of what happened is not overwritten unasked
-    done = haptics("run", SCENE, "--out", out, "--force", "--json")
+    left = out.with_suffix(".journal").read_bytes()
+    for force in ((), ("--force",)):
+        done = haptics("run", SCENE, "--out", out, *force)
+        assert done.code == 2
+        assert f"haptics recording recover {out.with_suffix('.journal')}" in done.err
+        assert out.with_suffix(".journal").read_bytes() == left
+    done = haptics("run", SCENE, "--out", tmp_path / "other.h5", "--json")
     assert done.code == 0, done.err
+    assert "again.journal was left by a session that did not end" in done.err
+    assert load(tmp_path / "other.h5").stream("wire").tobytes() == whole.stream("wire").tobytes()
+    assert haptics("recording", "info", out.with_suffix(".journal"), "--json").json["kind"] == "journal"
+    assert haptics("recording", "recover", out.with_suffix(".journal")).code == 0
+    out.with_suffix(".journal").unlink(missing_ok=True)  # kept if its last segment was torn
+    assert haptics("run", SCENE, "--out", out, "--force", "--json").code == 0
     assert load(out).stream("wire").tobytes() == whole.stream("wire").tobytes()
-    assert not list(tmp_path.glob("*.journal"))
