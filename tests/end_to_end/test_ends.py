@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import pickle
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 
+from haptics.ends import orderly
+from haptics.errors import CommandRefused
 from haptics.recording import load
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals as POSIX has them")
@@ -112,6 +116,32 @@ def test_an_end_that_is_asked_for_while_a_run_goes_off_by_itself_lets_it(tmp_pat
     assert f"the recording {tmp_path / 'r.h5'} is" in words
 
 
+def test_rigs_side_by_side_end_with_who_started_them(tmp_path):
+    command = [sys.executable, "-m", "haptics.cli.main", "characterize", "thermal", "--devices", "2", "--out", str(tmp_path)]
+    journals = [tmp_path / f"thermal-{k}.journal" for k in range(2)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as host:
+        deadline = time.monotonic() + 60
+        while not all(journal.exists() and journal.stat().st_size > 20_000 for journal in journals):
+            assert host.poll() is None, host.communicate()
+            assert time.monotonic() < deadline
+            time.sleep(0.002)
+        host.send_signal(signal.SIGTERM)
+        words = host.communicate(timeout=60)[1]
+    assert host.returncode == 143
+    assert "Traceback" not in words
+    for k in range(2):
+        out = tmp_path / f"thermal-{k}.h5"  # a rig that was done when it was asked is whole
+        assert load(out).complete or f"the recording {out} is incomplete" in words
+    assert not list(tmp_path.glob("*.journal"))
+
+
+def test_errors_of_rigs_in_other_processes_come_home_whole():
+    error = CommandRefused("sim://brake", "not now", "arm", "interlock", "close the lid")
+    error.add_note("the recording r.h5 is incomplete")
+    again = pickle.loads(pickle.dumps(error))
+    assert (type(again), str(again), vars(again)) == (type(error), str(error), vars(error))
+
+
 SCRIPT = """
 import os, sys
 from haptics.ends import orderly, unbroken
@@ -140,8 +170,6 @@ def test_a_script_ends_by_the_signal_that_it_was_sent_after_it_is_off(name):
 
 
 def test_a_signal_that_is_ignored_stays_ignored_and_a_handler_of_ones_own_is_kept():
-    from haptics.ends import orderly
-
     def own(number: int, frame: object) -> None: ...
 
     before = {number: signal.getsignal(number) for number in (signal.SIGHUP, signal.SIGTERM, signal.SIGINT)}
