@@ -6,13 +6,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from haptics.errors import InputError
 from haptics.garments.bodies import MOTIONS, STRAIGHT, Body
 from haptics.garments.design.design_job import KeptDesigns
 from haptics.garments.design.rating import solved
 from haptics.garments.mesh import SurfaceMesh
 from haptics.garments.mesh_files import write_obj, write_ply, write_surface
 from haptics.garments.pattern import Pattern, PatternOptions, make_pattern, write_pattern
-from haptics.recording.output import check_outputs, make_folder, refuse_existing
+from haptics.recording.output import check_outputs, make_folder
 from haptics.units import one_of
 
 

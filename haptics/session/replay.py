@@ -53,7 +53,11 @@ def replay_recording(path: str | Path) -> Replay:
     configuration = configuration.model_copy(update={"side": header["side"]})
     with tempfile.TemporaryDirectory() as folder:
         again = Path(folder) / "replay.h5"
-        run_scene(header["scene_source"], str(path), configuration, replace(options, out=again))
+        try:
+            run_scene(header["scene_source"], str(path), configuration, replace(options, out=again))
+        except BaseException as error:
+            vars(error).pop("__notes__", None)  # of a recording that goes with its folder
+            raise
         wire, replayed = recording.stream("wire"), load(again).stream("wire")
     shared = min(len(wire), len(replayed))
     same = wire[:shared] == replayed[:shared]
