@@ -12,6 +12,8 @@ from __future__ import annotations
 import json
 import os
 import re
+import shutil
+import tempfile
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
@@ -127,6 +129,7 @@ class Journal:
 
     def __init__(self, path: Path, file: BinaryIO, rows_per_segment: int, fsync: bool):
         self.path = path
+        """Where it is; elsewhere after closing if its folder was removed meanwhile."""
         self._file: BinaryIO | None = file
         self._rows_per_segment, self._fsync = rows_per_segment, fsync
         self._streams: dict[str, Stream] = {}
@@ -312,7 +315,18 @@ class Journal:
     def _release(self) -> None:
         file, self._file = self._open_file(), None
         with suppress(OSError):  # all is written, or is known not to be
+            if not self.path.exists():
+                self.path = _rescued(file, self.path)
             file.close()
+
+
+def _rescued(file: BinaryIO, path: Path) -> Path:
+    """A copy of a journal whose folder was removed while it was written: the system keeps it only until it is closed."""
+    place = Path(tempfile.mkdtemp(prefix="haptics-")) / path.name
+    file.seek(0)
+    with place.open("wb") as copy:
+        shutil.copyfileobj(file, copy)
+    return place
 
 
 def _json(what: str, data: Mapping[str, Any]) -> bytes:

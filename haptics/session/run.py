@@ -137,7 +137,7 @@ def run_scene(scene_name: str, hand_source: str, configuration: Configuration, o
             if recorder is not None:
                 recorder.journal.blob("report.json", _json_bytes(report))
                 recorder.journal.close({"ended": "off"})
-                finalise(recorder.path, out, force=options.force)
+                finalise(recorder.journal.path, out, force=options.force)
         except BaseException as error:
             if recorder is not None:
                 keep(recorder.journal, out, options.force, error)

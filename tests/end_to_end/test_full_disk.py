@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import shutil
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -56,6 +58,31 @@ def test_a_disk_that_fills_up_ends_the_session_off_and_names_the_journal(tmp_pat
     saved = subprocess.run([*HAPTICS, "recording", "recover", journal], capture_output=True, text=True)
     assert saved.returncode == 0, saved.stderr
     assert len(load(out).stream("wire")) == contents.count("wire")
+
+
+@pytest.mark.parametrize("end", ["asked", "by itself"])
+def test_what_was_recorded_into_a_folder_that_was_removed_is_saved_elsewhere(tmp_path: Path, end: str, monkeypatch):
+    folder, elsewhere = tmp_path / "stick", tmp_path / "elsewhere"
+    folder.mkdir()
+    elsewhere.mkdir()
+    monkeypatch.setenv("TMPDIR", str(elsewhere))
+    command = [sys.executable, str(CHILD), "run", "desk", "--out", str(folder / "r.h5"), "--", "never"]
+    pipe = subprocess.PIPE
+    with subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=pipe, text=True) as run:
+        assert run.stdout is not None
+        assert run.stdout.readline() == "armed\n"
+        shutil.rmtree(folder)
+        if end == "asked":
+            run.send_signal(signal.SIGTERM)
+        out, words = run.communicate("\n", timeout=100)
+    assert run.returncode == (143 if end == "asked" else 2)
+    assert "is off" in out
+    assert "Traceback" not in words
+    (journal,) = elsewhere.rglob("r.journal")
+    assert f"haptics recording recover {journal}" in words
+    contents = read_journal(journal)
+    assert contents.complete == (end != "asked")
+    assert contents.count("wire") > 100
 
 
 VIEW = """
