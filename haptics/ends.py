@@ -103,6 +103,14 @@ def say(error: BaseException) -> None:
         sys.stderr.flush()
 
 
+def end_workers() -> None:
+    """Ask the processes that this one has started to end, and do not wait: what they were to compute nobody waits for."""
+    from multiprocessing import active_children
+
+    for process in active_children():
+        process.terminate()
+
+
 def _restore(handlers: dict) -> None:
     for number, handler in handlers.items():
         signal.signal(number, handler)

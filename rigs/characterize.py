@@ -6,13 +6,14 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor
 from dataclasses import dataclass, replace
-from multiprocessing import active_children, get_context
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from haptics.cli.show import plain
+from haptics.ends import end_workers
 from haptics.errors import InputError
 from haptics.recording.output import check_outputs, make_folder, refuse_existing, replacing
 from haptics.session.recorder import provenance
@@ -154,8 +155,7 @@ def run_jobs(
         return tuple(results)
     except KeyboardInterrupt:
         if executor is None:  # who was asked to end is us; each bench keeps what it has recorded
-            for process in active_children():
-                process.terminate()
+            end_workers()
         raise
     finally:
         if executor is None:

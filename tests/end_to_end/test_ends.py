@@ -16,6 +16,7 @@ import pytest
 from haptics.ends import orderly
 from haptics.errors import CommandRefused
 from haptics.recording import load
+from rigs.tolerance.study import process_pool
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals as POSIX has them")
 
@@ -133,6 +134,17 @@ def test_rigs_side_by_side_end_with_who_started_them(tmp_path):
         out = tmp_path / f"thermal-{k}.h5"  # a rig that was done when it was asked is whole
         assert load(out).complete or f"the recording {out} is incomplete" in words
     assert not list(tmp_path.glob("*.journal"))
+
+
+@pytest.mark.timeout(60)
+def test_who_is_asked_to_end_waits_for_no_worker():
+    def asked() -> None:
+        with process_pool(1) as pool:
+            pool.submit(time.sleep, 3600)
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        asked()
 
 
 def test_errors_of_rigs_in_other_processes_come_home_whole():
