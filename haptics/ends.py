@@ -15,6 +15,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType
 
+from haptics.errors import HapticsError
+
 SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK") if hasattr(signal, name))
 """What asks a process to end; Windows has no SIGHUP, and SIGBREAK instead."""
 AGAIN_S = 1.0
@@ -50,7 +52,8 @@ class _Unbroken:
             self.depth -= 1
             if not self.depth and self.waiting is not None:
                 number, self.waiting = self.waiting, None
-                raise Ended(number)
+                if not isinstance(sys.exc_info()[1], Ended):  # else it asks for the end that is under way
+                    raise Ended(number)
 
 
 unbroken = _Unbroken()
@@ -96,11 +99,14 @@ def orderly() -> Iterator[None]:
 
 
 def say(error: BaseException) -> None:
-    """One line on standard error for what ended a program, and one for each note that it carries."""
+    """A line on standard error for what ended a program and for each note that it carries; then for what a signal ended in its
+    turn, as one may come while a lost link is dealt with."""
     with suppress(OSError, ValueError):  # nobody may be listening any more
         for line in (str(error) or type(error).__name__, *getattr(error, "__notes__", ())):
             print(f"haptics: {line}", file=sys.stderr)
         sys.stderr.flush()
+    if isinstance(error, KeyboardInterrupt) and isinstance(error.__context__, (HapticsError, KeyboardInterrupt)):
+        say(error.__context__)
 
 
 def end_workers() -> None:

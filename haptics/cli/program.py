@@ -33,11 +33,8 @@ def run_program(body: Callable[[], Any]) -> NoReturn:
 
 
 def ended_by(error: BaseException) -> int:
-    """Say what ended the program, and what that ended in its turn: a signal may come while a lost link is dealt with."""
+    """Say what ended the program; returns the exit code."""
     say(error)
-    before = error.__context__
-    if isinstance(error, KeyboardInterrupt) and isinstance(before, ENDINGS):
-        ended_by(before)
     if isinstance(error, Ended):
         return error.exit_code
     if isinstance(error, KeyboardInterrupt):

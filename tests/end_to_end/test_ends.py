@@ -98,7 +98,7 @@ def test_pressing_it_again_and_again_breaks_nothing_off(tmp_path, command):
             host.process.send_signal(asked)
         host.go_on()
         words = host.ended()
-    assert host.process.returncode in ASKED.values()
+    assert host.process.returncode == 130  # as it was asked first
     assert "is incomplete" in words
     assert not load(out if command is RUN else out / "pull.h5").complete
     assert not list(tmp_path.rglob("*.journal"))
