@@ -13,6 +13,9 @@ from haptics.cli.show import chosen_levels, plain, print_json, print_pairs, prin
 def run(
     scene: Annotated[str, typer.Argument(help="a shipped scene's name (see `haptics scenes`) or a scene file")],
     hand: Annotated[str, typer.Option("--hand", help="a hand recording, or `synthetic` for the shipped motion")] = "synthetic",
+    side: Annotated[
+        str | None, typer.Option(help="hand that wears the glove: left, right or auto [default: as configured]")
+    ] = None,
     port_tactiles: Annotated[str | None, typer.Option(help="port URL of the tactor array")] = None,
     port_brake: Annotated[str | None, typer.Option(help="port URL of the brake controller")] = None,
     realtime: Annotated[bool, typer.Option("--realtime", help="play in real time (needed for hardware)")] = False,
@@ -39,6 +42,7 @@ def run(
         RunOptions(
             port_tactiles=port_tactiles,
             port_brake=port_brake,
+            side=side,
             realtime=realtime,
             latency_s=None if latency_ms is None else latency_ms / 1e3,
             seed=seed,

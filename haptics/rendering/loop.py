@@ -16,7 +16,8 @@ from haptics.scene.clutch_rules import BodyState
 from haptics.scene.contact import PinChange, Touch
 from haptics.scene.effects import GraspEffect
 from haptics.scene.grasp import GraspEvent
-from haptics.scene.hand import HandFrame, check_frame
+from haptics.scene.hand import SIDES, HandFrame
+from haptics.scene.pose_gate import PoseGate
 from haptics.scene.scene import Scene
 from haptics.scene.shapes import Placed
 from haptics.scene.sites import SITE, SITES, SiteMap
@@ -64,6 +65,7 @@ class RenderLoop:
     :param tactiles: driver of the array, or None where the scene has no use for one.
     :param brake: driver of brakes or clutches, or None.
     :param brake_amplitude_v: cap on a grasp's volts. :param clutch_amplitude_v: cap on a clutch's.
+    :param side: of the hand that wears the glove; None follows the one that comes first.
     """
 
     def __init__(
@@ -75,6 +77,7 @@ class RenderLoop:
         leads: Leads,
         brake_amplitude_v: float = 1500.0,
         clutch_amplitude_v: float = 1500.0,
+        side: str | None = None,
     ):
         self.scene, self.sites = scene, sites
         self.tactiles, self.brake = tactiles, brake
@@ -106,7 +109,7 @@ class RenderLoop:
         self._ahead: GraspAhead | None = None
         if self._graspable and brake is not None:
             self._ahead = GraspAhead(self._grasps, self._graspable, round(leads.brake_s * NS_PER_S), STALE_NS)
-        self._previous: HandFrame | None = None
+        self._gate = PoseGate(side)
         self._pose_ns: int | None = None
         self._quiet = False
         self._events: list[LoopEvent] = []
@@ -118,14 +121,18 @@ class RenderLoop:
     # Poses ----------------------------------------------------------------------------------------------------------
 
     def submit(self, frame: HandFrame, now_ns: int) -> str | None:
-        """Take a pose that arrived at ``now_ns``; returns why it was refused, or None."""
-        reason = check_frame(frame, self._previous)
+        """Take a pose that arrived at ``now_ns``; returns why it was refused, or None.
+
+        :raises InputError: no ``HandFrame``; one with wrong fields is refused with the reason like any other bad pose.
+        """
+        reason = self._gate.judge(frame, now_ns)
         if reason is not None:
-            self._events.append(LoopEvent(now_ns, "pose_refused", frame.side, "", reason))
+            side = frame.side if isinstance(frame.side, str) and frame.side in SIDES else ""
+            self._events.append(LoopEvent(now_ns, "pose_refused", side, "", reason))
             return reason
-        if self._previous is not None and frame.track_id != self._previous.track_id:
-            self.hand_gone(now_ns)
-        self._previous, self._pose_ns = frame, frame.time_ns
+        if self._gate.starts_anew:
+            self._let_go(now_ns)
+        self._pose_ns = frame.time_ns
         self._move_objects(frame.time_ns)
         positions = self.sites.positions(frame.position_m, frame.orientation_xyzw)
         if self._quiet:
@@ -143,7 +150,8 @@ class RenderLoop:
     def hand_gone(self, now_ns: int) -> None:
         """The tracker says that the hand is no longer there: let go of everything, quietly."""
         self._let_go(now_ns)
-        self._previous = self._pose_ns = None
+        self._gate.forget()
+        self._pose_ns = None
 
     # Ticks ----------------------------------------------------------------------------------------------------------
 

@@ -16,6 +16,7 @@ from haptics.rendering.felt import track_truths
 from haptics.rendering.onset import AFTER_START_NS, BEFORE_END_NS, Onsets, Touched, held_acts, onset_statistics, touches_on
 from haptics.scene.effects import ContactEffect
 from haptics.scene.hand import HandFrame, HandRecording
+from haptics.scene.motion import Motion
 from haptics.scene.placement import closing_strokes
 from haptics.scene.scene import Scene
 from haptics.scene.sites import SITE, SITES, nominal_sites
@@ -32,9 +33,7 @@ def build_report(
     *,
     session: Session,
     plan: Plan,
-    recording: HandRecording,
-    frames: Sequence[HandFrame],
-    side: str,
+    motion: Motion,
     latency_ns: int,
     start_ns: int,
     ticks: int,
@@ -43,6 +42,7 @@ def build_report(
     out: Path | None,
 ) -> dict[str, Any]:
     """The object that ``haptics run --json`` prints."""
+    recording, frames, side = motion.recording, motion.frames, motion.side
     events = Counter(event.kind for event in session.events)
     faults = [*session.glove.faults, *(f"watchdog: {e.detail}" for e in session.events if e.kind == "watchdog")]
     denied = Counter(result.reason for result in session.results if not result.played)
@@ -53,8 +53,8 @@ def build_report(
             "frames": recording.frame_count,
             "duration_s": recording.duration_s,
             "side": side,
-            "poses": len(frames),
-            "refused": events["pose_refused"],
+            "poses": len(frames) + len(motion.refused),
+            "refused": len(motion.refused) + events["pose_refused"],
         },
         "contacts": events["touch"],
         "grasps": events["grasp_begin"],
@@ -71,7 +71,7 @@ def build_report(
         "absent": [asdict(absence) for absence in plan.absent],
         "derated": Counter(event.detail for event in session.events if event.kind == "derated"),
         "faults": faults,
-        "notes": _notes(session.scene, recording, side, session),
+        "notes": [*motion.notes, *_notes(session.scene, recording, side, session)],
         "recording": None if out is None else str(out),
     }
 
@@ -178,9 +178,7 @@ def _brakes(session: Session) -> list[dict[str, Any]]:
 def _notes(scene: Scene, recording: HandRecording, side: str, session: Session) -> list[str]:
     notes = [*scene.notes, *(f"{name} is not there: {why}" for name, why in scene.absent)]
     tracks = recording.of_side(side)
-    if not tracks:
-        notes.append(f"{recording.source} has no {side} hand")
-    elif scene.needs.brakes and not any(closing_strokes(track) for track in tracks):
+    if scene.needs.brakes and not any(closing_strokes(track) for track in tracks):
         notes.append(f"no grasp to expect: the {side} hand makes no closing stroke of thumb and index")
     if recording.dropped:
         notes.append("left out while reading: " + ", ".join(f"{count} {what}" for what, count in recording.dropped.items()))

@@ -15,7 +15,8 @@ from haptics.errors import InputError
 from haptics.fidelity import DEFAULT_BUDGET, DEFAULT_TOLERANCE_JND, Plan, plan_scene
 from haptics.recording import finalise, load, recover, write_picture, write_rrd
 from haptics.scene import load_scene
-from haptics.scene.hand import HandFrame, HandRecording, check_frame
+from haptics.scene.hand import HandFrame, HandRecording
+from haptics.scene.motion import judge_motion
 from haptics.scene.recordings import load_hand
 from haptics.scene.scene import Scene
 from haptics.scene.sites import SITES, nominal_sites
@@ -37,11 +38,13 @@ TAIL_NS = 40 * NS_PER_MS
 class RunOptions:
     """What a run may be told besides scene, hand and configuration. Paths that are None are not written, but ``out`` is named.
 
+    ``side``: ``left``, ``right`` or ``auto``, instead of the configuration's.
     ``levels``, ``tolerance_jnd``, ``budget_s_per_s``: see ``fidelity.plan_scene``. ``watch`` is shown the ended session.
     """
 
     port_tactiles: str | None = None
     port_brake: str | None = None
+    side: str | None = None
     realtime: bool = False
     latency_s: float | None = None
     seed: int = 1
@@ -67,11 +70,11 @@ def run_scene(scene_name: str, hand_source: str, configuration: Configuration, o
     in_range("latency", latency_s * 1e3, 0.0, 100.0, "ms")
     in_range("seed", options.seed, 0, 2**31 - 1)
     scene = load_scene(scene_name)
-    recording = load_hand(hand_source)
-    side = recording.side_with_most_frames if configuration.side == "auto" else configuration.side
-    frames = tuple(recording.frames(side))
-    check_motion(str(hand_source), frames)
-    placed = scene.placed_for(recording, side) if frames else scene.placed(None, None, side)
+    motion = judge_motion(load_hand(hand_source), configuration.side if options.side is None else options.side, str(hand_source))
+    if options.side is not None:
+        configuration = configuration.model_copy(update={"side": options.side})
+    recording, side, frames = motion.recording, motion.side, motion.frames
+    placed = scene.placed_for(recording, side)
     if placed.slow_notice is not None:
         print(f"note: {placed.slow_notice}", file=sys.stderr, flush=True)
     plan = plan_of(placed, configuration, options)
@@ -122,9 +125,7 @@ def run_scene(scene_name: str, hand_source: str, configuration: Configuration, o
     report = build_report(
         session=session,
         plan=plan,
-        recording=recording,
-        frames=frames,
-        side=side,
+        motion=motion,
         latency_ns=seconds_to_ns(latency_s),
         start_ns=start_ns,
         ticks=ticks,
@@ -152,19 +153,6 @@ def plan_of(scene: Scene, configuration: Configuration, options: RunOptions) -> 
         options.levels,
         configuration.brake.amplitude_v if scene.needs.brakes else None,
     )
-
-
-def check_motion(source: str, frames: tuple[HandFrame, ...]) -> None:
-    """Refuse a recorded motion no hand can make.
-
-    :raises InputError: the frame, and what is wrong with it.
-    """
-    previous = None
-    for index, frame in enumerate(frames):
-        reason = check_frame(frame, previous)
-        if reason is not None:
-            raise InputError(f"hand {source}: pose {index} at {frame.time_ns / NS_PER_S:.3f} s is refused: {reason}")
-        previous = frame
 
 
 def open_glove(scene: Scene, plan: Plan, configuration: Configuration, options: RunOptions, tap: Any = None) -> Glove:

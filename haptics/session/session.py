@@ -22,6 +22,7 @@ from haptics.rendering.loop import Leads, LoopEvent, RenderLoop
 from haptics.scene.hand import HandFrame
 from haptics.scene.scene import Scene
 from haptics.scene.sites import SITES, nominal_sites
+from haptics.scene.well_formed import ill_formed
 from haptics.session.configuration import Configuration
 from haptics.session.glove import Glove
 from haptics.session.recorder import Recorder
@@ -96,6 +97,7 @@ class Session:
             self.leads,
             brake_amplitude_v=configuration.brake.amplitude_v,
             clutch_amplitude_v=configuration.brake.clutch_amplitude_v,
+            side=None if configuration.side == "auto" else configuration.side,
         )
         self._array_plant = glove.plant("tactiles")
         self._brake_plant = glove.plant("brake")
@@ -109,9 +111,12 @@ class Session:
             self.recorder.event(start_ns, "start")
 
     def submit(self, frame: HandFrame, now_ns: int) -> str | None:
-        """A pose that arrived at ``now_ns``; returns why it was refused, or None. Never blocks."""
+        """A pose that arrived at ``now_ns``; returns why it was refused, or None. Never blocks.
+
+        :raises InputError: no ``HandFrame`` at all.
+        """
         reason = self.loop.submit(frame, now_ns)
-        if self.recorder is not None:
+        if self.recorder is not None and ill_formed(frame) is None:  # what has no row in the recording is an event there
             self.recorder.pose(now_ns, frame, reason is None)
         return reason
 
