@@ -17,6 +17,7 @@ from haptics.scene.contact import PinChange, Touch
 from haptics.scene.effects import GraspEffect
 from haptics.scene.grasp import GraspEvent
 from haptics.scene.hand import SIDES, HandFrame
+from haptics.scene.handedness import apparent_side, contradiction
 from haptics.scene.pose_gate import PoseGate
 from haptics.scene.scene import Scene
 from haptics.scene.shapes import Placed
@@ -110,6 +111,7 @@ class RenderLoop:
         if self._graspable and brake is not None:
             self._ahead = GraspAhead(self._grasps, self._graspable, round(leads.brake_s * NS_PER_S), STALE_NS)
         self._gate = PoseGate(side)
+        self._followed: tuple[str, int] | None = None
         self._pose_ns: int | None = None
         self._quiet = False
         self._events: list[LoopEvent] = []
@@ -132,6 +134,9 @@ class RenderLoop:
             return reason
         if self._gate.starts_anew:
             self._let_go(now_ns)
+        if (frame.side, frame.track_id) != self._followed:
+            self._followed = (frame.side, frame.track_id)
+            self._note_handedness(frame, now_ns)
         self._pose_ns = frame.time_ns
         self._move_objects(frame.time_ns)
         positions = self.sites.positions(frame.position_m, frame.orientation_xyzw)
@@ -146,6 +151,11 @@ class RenderLoop:
                 nearest_m = float((self._bodies[name].distance(positions) - self.sites.radius_m).min())
                 self._patterns.approach(name, nearest_m, now_ns)
         return None
+
+    def _note_handedness(self, frame: HandFrame, now_ns: int) -> None:
+        wrong = contradiction(frame.side, apparent_side(frame.position_m, frame.orientation_xyzw))
+        if wrong is not None:
+            self._events.append(LoopEvent(now_ns, "handedness", frame.side, "", wrong))
 
     def hand_gone(self, now_ns: int) -> None:
         """The tracker says that the hand is no longer there: let go of everything, quietly."""

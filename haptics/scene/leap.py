@@ -114,7 +114,7 @@ class _Reading:
                 self._refused.append((None, None, f"{which}frames is missing or empty; allowed: at least one frame"))
                 return
         if isinstance(value, list) and place == "frames[0]":
-            self._schema = check_schema(value, place)
+            self._schema = self._checked_schema(value, place)
             return
         try:
             if item.broken:
@@ -128,6 +128,13 @@ class _Reading:
         self._refused += [(frame.time_ns, side, reason) for side, reason in frame.refused]
         self._frame_ns.append(frame.time_ns)
         self._places.append(int(item.place[item.place.index("[") + 1 : -1]))
+
+    def _checked_schema(self, value: list, place: str) -> list:
+        try:
+            return check_schema(value, place)
+        except InputError as error:
+            what = foreign_members(value)
+            raise InputError(f"{what}; seen: {error}") if what else error from None
 
     def recording(self) -> HandRecording:
         time_ns = np.array(self._frame_ns, np.int64)
@@ -173,8 +180,11 @@ class _Reading:
             first = self._refused[0][2]
             if self._foreign:
                 raise InputError(f"{self._foreign}; seen: {first}")
-            share = f"{len(self._refused)} of {len(self._refused) + len(self._seen)} poses cannot be used"
-            raise InputError(first if len(self._refused) == 1 else f"{first} ({share})")
+            many = f" ({len(self._refused)} of {len(self._refused) + len(self._seen)} poses cannot be used)"
+            version = self._version
+            old = isinstance(version, int) and version < PROTOCOL_VERSION
+            hint = f"; it says protocol version {version}, and the joints of fingers came with {PROTOCOL_VERSION}" if old else ""
+            raise InputError(f"{first}{many if len(self._refused) > 1 else ''}{hint}")
 
     def _tracks(self, frame_ns: list[int]) -> tuple[HandTrack, ...]:
         latest: dict[tuple[int, str], _OpenTrack] = {}

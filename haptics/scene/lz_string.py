@@ -47,7 +47,10 @@ def alphabet_of(head: str) -> str | None:
 
 
 def is_lz_bytes(head: bytes) -> bool:
-    """Whether bytes that begin so can be lz-string of JSON in the alphabet of bytes; no UTF-8 text begins so."""
+    """Whether bytes that begin so can be lz-string, in the alphabet of bytes, of JSON without a blank before it.
+
+    No UTF-8 text begins so.
+    """
     return len(head) > 1 and head[1] & 0xC0 == 0x80 and _begins_json(f"{head[0]:08b}{head[1]:08b}")
 
 

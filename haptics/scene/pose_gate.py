@@ -15,7 +15,7 @@ from __future__ import annotations
 from haptics.errors import InputError
 from haptics.scene.hand import HandFrame, check_frame, jump_between
 from haptics.scene.shown import shown
-from haptics.time import NS_PER_MS
+from haptics.time import NS_PER_MS, NS_PER_S
 
 FUTURE_NS = 50 * NS_PER_MS
 """A pose may be stamped this far ahead of its arrival, as one predicted for display is; farther ahead its clock is another."""
@@ -74,8 +74,8 @@ class PoseGate:
 
     def _untimely(self, frame: HandFrame, now_ns: int | None) -> str | None:
         if now_ns is not None and frame.time_ns > now_ns + FUTURE_NS:
-            ahead_ms = (frame.time_ns - now_ns) / NS_PER_MS
-            return f"its time lies {ahead_ms:.6g} ms ahead of its arrival; allowed: up to {FUTURE_NS // NS_PER_MS} ms"
+            ahead_s = (frame.time_ns - now_ns) / NS_PER_S
+            return f"its time lies {ahead_s:.6g} s ahead of its arrival; allowed: up to {FUTURE_NS / NS_PER_S:g} s"
         if self._last is not None and frame.time_ns <= self._last.time_ns:
             return f"its time {frame.time_ns} ns does not follow {self._last.time_ns} ns"
         return None

@@ -21,7 +21,6 @@ LARGEST_FILE_BYTES = 256 << 20
 _HEAD_BYTES = 4096
 _PACKED_BYTES = 64 << 10
 _GZIP_MAGIC = b"\x1f\x8b"
-_MARKS = ((codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16"), (b"", "utf-8-sig"))
 
 Text = Callable[[int], str]
 """Gives about as many more characters as asked for, at least one; empty at the end."""
@@ -54,7 +53,7 @@ def _text_of(data: _Bytes) -> Text:
         raise InputError(what)
     if is_lz_bytes(head):
         return LzString(lambda: bits_of_bytes(data.read(_PACKED_BYTES))).read
-    text = _Decoded(data, next(name for mark, name in _MARKS if head.startswith(mark)))
+    text = _Decoded(data, _encoding(head))
     start = text.peek()
     alphabet = alphabet_of(start)
     if alphabet is not None:
@@ -63,6 +62,14 @@ def _text_of(data: _Bytes) -> Text:
     if what:
         raise InputError(what)
     return text.read
+
+
+def _encoding(head: bytes) -> str:
+    """UTF-16 by its mark, or by the zero beside the first character of JSON; else UTF-8."""
+    if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return "utf-16"
+    zeros = [byte == 0 for byte in head[:2]]
+    return {(False, True): "utf-16-le", (True, False): "utf-16-be"}.get((zeros[0], zeros[-1]), "utf-8-sig")
 
 
 class _Bytes:

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from haptics.errors import InputError
 from haptics.fidelity import plan_scene
+from haptics.recording import finalise, load
 from haptics.scene import load_scene
 from haptics.scene.recordings import load_hand
 from haptics.session.configuration import Configuration
+from haptics.session.recorder import Recorder
 from haptics.session.run import RunOptions, open_glove
 from haptics.session.session import Session
 from haptics.time import NS_PER_MS
@@ -21,11 +25,13 @@ LATENCY_NS = 10 * NS_PER_MS
 class Stage:
     """A session in virtual time, fed by hand."""
 
-    def __init__(self, name: str):
+    def __init__(self, name: str, configuration: Configuration | None = None, record: Path | None = None):
+        configuration = configuration or Configuration()
         self.recording = load_hand("synthetic")
         scene = load_scene(name).placed_for(self.recording)
-        self.glove = open_glove(scene, plan_scene(scene), Configuration(), RunOptions())
-        self.session = Session(scene, self.glove, Configuration())
+        self.glove = open_glove(scene, plan_scene(scene), configuration, RunOptions())
+        recorder = None if record is None else Recorder(record, {}, force=False)
+        self.session = Session(scene, self.glove, configuration, recorder)
         self.glove.arm()
         self.start_ns = (self.glove.now_ns() // NS_PER_MS + 2) * NS_PER_MS
         self.session.begin(self.start_ns)
@@ -109,6 +115,77 @@ def test_a_pose_that_cannot_be_is_refused_and_moves_nothing(playground, spoil, w
     assert any(part in reason for part in word.split("|"))
     playground.run(605, poses=False)
     assert playground.glove.tactiles.pins_out() == before
+
+
+def test_a_pose_from_the_future_moves_nothing_and_shuts_out_none_after_it(playground):
+    playground.run(600)
+    frame = playground.frames[playground.fed]
+    reason = playground.session.submit(replace(frame, time_ns=frame.time_ns + 3600 * 10**9), playground.glove.now_ns())
+    assert "ahead of its arrival" in str(reason)
+    playground.run(2400)
+    assert playground.kinds().count("pose_refused") == 1
+    assert "grasp_begin" in playground.kinds()
+    assert "watchdog" not in playground.kinds()
+
+
+def test_a_first_pose_in_the_wrong_place_costs_one_pose_more_and_is_let_go(playground):
+    first, then = playground.frames[0], playground.frames[1]
+    touching = then.position_m - then.position_m[10] + playground.session.loop.body("book").pose.position_m
+    session, now_ns = playground.session, playground.glove.now_ns
+    assert session.submit(replace(first, position_m=touching), now_ns() + 10 * NS_PER_MS) is None
+    playground.fed = 1
+    playground.run(2400)
+    assert playground.kinds().count("pose_refused") == 1
+    assert "grasp_begin" in playground.kinds()
+    assert "watchdog" not in playground.kinds()
+
+
+@pytest.mark.parametrize("frame", [None, {"wrist": [0, 0, 0]}, "pose"])
+def test_what_is_no_frame_at_all_is_an_error_and_changes_nothing(playground, frame):
+    playground.run(600)
+    with pytest.raises(InputError, match="allowed: a HandFrame"):
+        playground.session.submit(frame, playground.glove.now_ns())
+    playground.run(1500)
+    assert "pose_refused" not in playground.kinds()
+
+
+def test_a_session_on_a_left_glove_follows_no_right_hand():
+    stage = Stage("playground", Configuration(side="left"))
+    try:
+        stage.run(300)
+        assert set(stage.kinds()) == {"pose_refused"}
+        assert "the glove is on the left one" in stage.session.events[0].detail
+    finally:
+        stage.glove.off()
+        stage.glove.close()
+
+
+def test_a_hand_that_contradicts_its_label_is_an_event_once(playground):
+    playground.frames = [replace(frame, side="left") for frame in playground.frames]
+    playground.run(600)
+    (event,) = [event for event in playground.session.events if event.kind == "handedness"]
+    assert "the hand labelled left looks like a right one" in event.detail
+
+
+def test_poses_of_no_form_are_recorded_as_events_and_leave_the_recording_whole(tmp_path):
+    stage = Stage("playground", record=tmp_path / "run.journal")
+    try:
+        stage.run(300)
+        good = stage.fed
+        wrong = ({"position_m": None}, {"position_m": np.zeros((25, 3))}, {"side": 3}, {"time_ns": "now"}, {"track_id": 2**40})
+        for fields in wrong:
+            assert stage.session.submit(replace(stage.frames[good], **fields), stage.glove.now_ns()) is not None
+        lost = replace(stage.frames[good], position_m=np.full((26, 3), np.nan))
+        assert stage.session.submit(lost, stage.glove.now_ns()) is not None
+        stage.run(400)
+    finally:
+        stage.glove.off()
+        stage.glove.close()
+    stage.session.recorder.journal.close({})
+    finalise(tmp_path / "run.journal", tmp_path / "run.h5")
+    recording = load(tmp_path / "run.h5")
+    assert recording.stream("poses")["accepted"].tolist() == [1] * good + [0] + [1] * (stage.fed - good)
+    assert int((recording.stream("events")["kind"] == b"pose_refused").sum()) == len(wrong) + 1
 
 
 def test_a_hand_that_is_gone_lets_go_of_everything_quietly(playground):
