@@ -116,7 +116,7 @@ class LzString:
             return
         here, first = len(self._text), self._width == 2
         if here > LARGEST_TEXT_CHARS:
-            raise InputError(f"the text in lz-string is longer than the allowed {LARGEST_TEXT_CHARS >> 20} Mi characters")
+            raise InputError(f"the text in lz-string is longer than the allowed {LARGEST_TEXT_CHARS >> 10} Ki characters")
         start, length = self._before
         if code in _LITERAL_BITS:
             self._text.append(self._take(_LITERAL_BITS[code]))

@@ -13,11 +13,14 @@ import zipfile
 import h5py
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, given, settings, strategies as st
 from leap_hands import a_hand, a_recording, a_tap
 from test_lz_string import ORIGINAL
 
 from haptics.errors import InputError
+from haptics.scene import lz_string
 from haptics.scene.hand import LARGE_SHARE
+from haptics.scene.motion import judge_motion
 from haptics.scene.recordings import load_hand
 
 TAP = a_tap()
@@ -322,3 +325,100 @@ def test_repeated_and_stray_are_still_counted_and_not_refused(write):
     found = load_hand(write(text(content)))
     assert found.dropped == {"frames that repeat a time stamp": 1, "hands without all five fingers": 1}
     assert found.refused == ()
+
+
+def test_bombs_in_lz_string_are_refused_in_bounded_memory(write, monkeypatch):
+    monkeypatch.setattr(lz_string, "LARGEST_TEXT_CHARS", 64 << 10)
+    path = write(in_lz_string(b'{"frames": [' + b" " * (3 << 15)))
+    for content in (path, write(gzip.compress(path.read_bytes()), "zipped")):
+        tracemalloc.start()
+        try:
+            with pytest.raises(InputError, match="longer than the allowed 64 Ki characters"):
+                load_hand(content)
+            # Two bytes a character, two entries of eight a literal, and a piece of the file as bits.
+            assert tracemalloc.get_traced_memory()[1] < 6 << 20
+        finally:
+            tracemalloc.stop()
+
+
+# -- anything at all -----------------------------------------------------------------------------------------------------------
+
+SEEDS = {
+    "packed": text({"frames": packed()}),
+    "events": lines(EVENTS),
+    "lines": lines(FRAMES),
+    "lz-string": in_lz_string(text(TAP)),
+    "UTF-16": text(TAP).decode().encode("utf-16"),
+    "gzip": gzip.compress(lines(FRAMES), mtime=0),
+}
+HOSTILE = settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+
+
+def loads_or_refuses(path) -> None:
+    """No error but ``InputError``; what loads and is judged good is finite and in order."""
+    try:
+        motion = judge_motion(load_hand(path))
+    except InputError:
+        return
+    assert np.isfinite([frame.position_m for frame in motion.frames]).all()
+    assert (np.diff([frame.time_ns for frame in motion.frames]) > 0).all()
+
+
+@HOSTILE
+@given(st.sampled_from(list(SEEDS)), st.integers(0, 10**6), st.binary(min_size=1, max_size=6), st.booleans())
+def test_flipped_cut_or_doubled_bytes_load_or_are_refused(write, seed, at, noise, cut):
+    content = SEEDS[seed]
+    at %= len(content)
+    loads_or_refuses(write(content[:at] if cut else content[:at] + noise + content[at + len(noise) :]))
+
+
+@HOSTILE
+@given(
+    st.binary(max_size=40),
+    st.sampled_from([b"", b"{", b"[", b"[[", b"N4", b"\x37\x82", b"\xff\xfe", b"\x1f\x8b", b'{"frames":[']),
+)
+def test_any_bytes_load_or_are_refused(write, content, start):
+    loads_or_refuses(write(start + content))
+
+
+VALUE = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=4),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=4), inner, max_size=2),
+    max_leaves=6,
+)
+
+
+@HOSTILE
+@given(st.integers(0, 12), st.lists(st.integers(0, 4), min_size=1, max_size=4), VALUE)
+def test_any_value_in_packed_rows_loads_or_is_refused(write, row, way, value):
+    rows = packed()
+    owner = rows[row % len(rows)]
+    for key in way[:-1]:
+        inner = owner[key % len(owner)] if isinstance(owner, list) and owner else None
+        if not isinstance(inner, list):
+            break
+        owner = inner
+    if owner:
+        owner[way[-1] % len(owner)] = value
+    loads_or_refuses(write(text({"frames": rows})))
+
+
+@HOSTILE
+@given(st.lists(VALUE, max_size=5), st.booleans())
+def test_any_values_by_line_or_in_a_list_load_or_are_refused(write, values, by_line):
+    loads_or_refuses(write(lines(values) if by_line else text(values)))
+
+
+PLACES = (["timestamp"], ["hands"], ["hands", 0], ["hands", 0, "palmPosition"], ["pointables"], ["pointables", 2, "tipPosition"])
+
+
+@HOSTILE
+@given(st.dictionaries(st.integers(0, 11), st.tuples(st.sampled_from(PLACES), VALUE), max_size=4))
+def test_several_bad_members_load_or_are_refused(write, spoils):
+    content = a_tap()
+    for index, (place, value) in spoils.items():
+        owner = content["frames"][index]
+        for key in place[:-1]:
+            owner = owner[key]
+        owner[place[-1]] = value
+    loads_or_refuses(write(text(content)))

@@ -120,7 +120,7 @@ def test_a_text_far_longer_than_its_data_is_refused_at_the_limit(monkeypatch):
     tracemalloc.start()
     try:
         source = LzString(iter([bits, ""]).__next__)
-        with pytest.raises(InputError, match="longer than the allowed 1 Mi characters"):
+        with pytest.raises(InputError, match="longer than the allowed 1024 Ki characters"):
             source.read(4 << 20)
         assert tracemalloc.get_traced_memory()[1] < 8 << 20  # two bytes a character, twice while an array grows
     finally:
