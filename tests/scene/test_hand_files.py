@@ -328,12 +328,12 @@ def test_repeated_and_stray_are_still_counted_and_not_refused(write):
 
 
 def test_bombs_in_lz_string_are_refused_in_bounded_memory(write, monkeypatch):
-    monkeypatch.setattr(lz_string, "LARGEST_TEXT_CHARS", 64 << 10)
-    path = write(in_lz_string(b'{"frames": [' + b" " * (3 << 15)))
+    monkeypatch.setattr(lz_string, "LARGEST_TEXT_CHARS", 16 << 10)
+    path = write(in_lz_string(b'{"frames": [' + b" " * (3 << 13)))
     for content in (path, write(gzip.compress(path.read_bytes()), "zipped")):
         tracemalloc.start()
         try:
-            with pytest.raises(InputError, match="longer than the allowed 64 Ki characters"):
+            with pytest.raises(InputError, match="longer than the allowed 16 Ki characters"):
                 load_hand(content)
             # Two bytes a character, two entries of eight a literal, and a piece of the file as bits.
             assert tracemalloc.get_traced_memory()[1] < 6 << 20
