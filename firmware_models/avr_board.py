@@ -27,7 +27,7 @@ from haptics.link.messages import TICK_HZ, Board, State
 BAUD = 500_000
 START_TICK = 0xFFFF - 305 << 16
 """The count with which the firmware's clock begins (``firmware/avr/clock.c``)."""
-SETTINGS_AT, BOOTS_AT = 0, 12
+SETTINGS_AT, BOOTS_AT = 0, 14
 """Where the EEPROM holds the settings with their checksum, and the number of boots (``firmware/avr/store.c``)."""
 _U32 = 1 << 32
 _UART_CYCLES = 8
@@ -120,11 +120,13 @@ class AvrBoard:
         return {**self.pins.truth(self.now_ns), "state": self.state}
 
     def set_load(self, channel: int, **load: float) -> None:
-        """Act on the hardware from outside: what the plant's ``load`` takes; and ``brown_out``, not 0: see there."""
-        browned_out = load.pop("brown_out", 0)
+        """Act on the hardware from outside: what the plant's ``load`` takes; ``brown_out`` and ``reset``, not 0: see there."""
+        browned_out, resets = load.pop("brown_out", 0), load.pop("reset", 0)
         self.pins.set_load(channel, self.now_ns, **load)
         if browned_out:
             self.brown_out()
+        if resets:
+            self.reset()
 
     def energised(self) -> list[int]:
         """Channels that carry current or dangerous volts now."""
@@ -179,7 +181,7 @@ def _check(options: Mapping[str, Any]) -> None:
 
 def eeprom(settings: CoreSettings, boots: int) -> bytes:
     """What a lab would have written into the EEPROM: the settings, their checksum, and the boots so far."""
-    packed = struct.pack("<5H", *settings.limits, settings.nominal_pf)
+    packed = struct.pack("<6H", *settings.limits, settings.nominal_pf)
     return packed + struct.pack("<HI", crc16.ibm_sdlc(packed), boots)
 
 

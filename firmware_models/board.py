@@ -69,7 +69,7 @@ class FirmwareModel:
     build: bytes
     telemetry_name: str
     stricter_upward: frozenset[int] = frozenset()
-    """Which of the four limits are made stricter by raising them."""
+    """Which of the limits are made stricter by raising them."""
 
     @classmethod
     def options(cls) -> dict[str, Option]:
@@ -77,7 +77,7 @@ class FirmwareModel:
         raise NotImplementedError
 
     @classmethod
-    def built_limits(cls, options: Mapping[str, Any]) -> tuple[int, int, int, int]:
+    def built_limits(cls, options: Mapping[str, Any]) -> tuple[int, ...]:
         """Limits at power-on, in the order of ``identity.limits``; a host may only lower them."""
         raise NotImplementedError
 
@@ -167,11 +167,13 @@ class FirmwareModel:
         raise NotImplementedError
 
     def set_load(self, channel: int, **load: float) -> None:
-        """Act on the hardware from outside: what the plant's ``load`` takes; and ``brown_out``, not 0: see there."""
-        browned_out = load.pop("brown_out", 0)
+        """Act on the hardware from outside: what the plant's ``load`` takes; ``brown_out`` and ``reset``, not 0: see there."""
+        browned_out, resets = load.pop("brown_out", 0), load.pop("reset", 0)
         self._act(channel, load)
         if browned_out:
             self.brown_out()
+        if resets:
+            self.reset()
         self.replan()
 
     # Time.

@@ -40,10 +40,10 @@ TOUCHABLE_VOLTS = 42.4
 DISCHARGE_NS = 5 * NS_PER_MS
 """From any volts to below 60 V; longer latches a fault."""
 RESTART_NS = 2 * NS_PER_MS
-STORED_CHARGE_C = 45e-6  # assumed
+STORED_CHARGE_NC = 45_000  # assumed
 _DISCHARGE_SAMPLE_NS = NS_PER_MS // 10
 _ALL = (1 << BRAKE_CHANNELS) - 1
-_AMPLITUDE, _CURRENT, _FREQUENCY, _TTL = range(4)  # the order of identity.limits
+_AMPLITUDE, _CURRENT, _FREQUENCY, _TTL, _CHARGE = range(5)  # the order of identity.limits
 
 
 class Drive(NamedTuple):
@@ -78,9 +78,9 @@ class BrakeBoard(FirmwareModel):
         return PLANT_OPTIONS
 
     @classmethod
-    def built_limits(cls, options: Mapping[str, Any]) -> tuple[int, int, int, int]:
+    def built_limits(cls, options: Mapping[str, Any]) -> tuple[int, ...]:
         volts = min(GREATEST_VOLTS, HIGHEST_FIELD_V_M * options["thickness_m"])
-        return (int(volts), SUPPLY_CURRENT_UA, HIGHEST_FREQUENCY_DHZ, LONGEST_TTL_MS)
+        return (int(volts), SUPPLY_CURRENT_UA, HIGHEST_FREQUENCY_DHZ, LONGEST_TTL_MS, STORED_CHARGE_NC)
 
     def __init__(self, options: Mapping[str, Any], transmitter: Line, start_ns: int):
         super().__init__(options, transmitter, start_ns)
@@ -131,7 +131,7 @@ class BrakeBoard(FirmwareModel):
             raise Refusal(Status.BAD_VALUE, 1)
         total_f = sum(self._guards.capacitance_f[channel] for channel in chosen)
         charge_c = total_f * message.amplitude
-        if message.amplitude > self.limits[_AMPLITUDE] or charge_c > STORED_CHARGE_C:
+        if message.amplitude > self.limits[_AMPLITUDE] or charge_c > 1e-9 * self.limits[_CHARGE]:
             raise Refusal(Status.BAD_VALUE, 2)
         # Each reversal charges from 0 V, twice a period.
         fastest_dhz = 10 * self.limits[_CURRENT] * 1e-6 / (2 * charge_c)

@@ -17,10 +17,12 @@ from haptics.link.messages import MESSAGES, Board, Fault, Message, State, Status
 from haptics.physics.brake_drive import DRIVE
 from haptics.physics.brake_parameters import BRAKE, GREATEST_VOLTS, capacitance_f
 from haptics.physics.latch_parameters import LATCH, LONGEST_PULSE_S, NOMINAL_VOLTS
+from haptics.physics.thermal import THERMAL
 
 CORE = Path(__file__).parent / "firmware" / "core"
 _BYTES = {"u8": 1, "u16": 2, "u32": 4, "char": 1}
 _COIL_CURRENT_MA = 12_000  # a setting
+_HEAT_SHIFT = 12
 _RESISTANCE_SPREAD_OHM = 0.1  # thesis 3.4.3
 
 
@@ -45,6 +47,8 @@ def protocol_header() -> str:
         Constant("DURATION_TICKS", messages.DURATION_UNIT_US * messages.TICKS_PER_US, "ticks", "unit of a pulse's duration"),
         Constant("COIL_CHANNELS", messages.COIL_CHANNELS, "", ""),
         Constant("BRAKE_CHANNELS", messages.BRAKE_CHANNELS, "", ""),
+        Constant("LIMITS", messages.LIMITS, "", "of identity and configure"),
+        Constant("HEAT_UNIT_MS", messages.HEAT_UNIT_MS, "ms", "of a coil's on-time account, in telemetry"),
         Constant("MAX_PAYLOAD", messages.MAX_PAYLOAD, "bytes", ""),
         Constant("LONGEST_HOST_PAYLOAD", max(_size(m) for m in host), "bytes", "of those a host sends"),
         Constant("REMEMBERED_REPLIES", messages.REMEMBERED_REPLIES, "", ""),
@@ -59,6 +63,7 @@ def constants_header() -> str:
     page = "docs/reference/protocol.md"
     worst_coil_ma = math.ceil(1e3 * NOMINAL_VOLTS / (LATCH.resistance_ohm - _RESISTANCE_SPREAD_OHM))
     nominal_f = capacitance_f(BRAKE.overlap_m2, BRAKE.thickness_m, BRAKE.permittivity)
+    heat_step_s = -THERMAL.tau_s * math.log1p(-(2.0**-_HEAT_SHIFT))
     both = (
         Constant("DEAD_MAN_MS", 100, "ms", page),
         Constant("DEAD_MAN_TICKS", _ticks(100e-3), "ticks", "the same"),
@@ -72,6 +77,11 @@ def constants_header() -> str:
         Constant("COILS_AT_ONCE", _COIL_CURRENT_MA // worst_coil_ma, "", "coil current over the worst coil's"),
         Constant("PULSE_QUEUE", 64, "pulses", "a setting"),
         Constant("LEAST_SUPPLY_MV", 3000, "mV", "a setting"),
+        Constant("ON_TIME_MS", 2500, "ms", f"of account: 30.4 K on a nominal tactor, {page}"),
+        Constant("HEAT_SHIFT", _HEAT_SHIFT, "", "an account loses 2^-12 of itself each"),
+        Constant("HEAT_STEP_TICKS", _ticks(heat_step_s), "ticks", f"a time constant of {THERMAL.tau_s:g} s, thesis 3.5.2"),
+        Constant("WARM_MS", 100, "ms", f"of account, more than which is noted, {page}"),
+        Constant("COOLED_MS", 50, "ms", "of account, less than which the note is taken back: a setting"),
         Constant("NO_CURRENT_MA", 200, "mA", "a coil draws 3400 or more, the sense resolves 64"),
         Constant("COIL_CURRENT_TICKS", _ticks(2e-3), "ticks", f"2 ms, {page}"),
     )
@@ -89,7 +99,7 @@ def constants_header() -> str:
         Constant("OUTPUT_OHM", round(DRIVE.output_resistance_ohm), "ohm", "optocouplers and wiring, assumed"),
         Constant("LONGEST_CLAMP_TICKS", _ticks(DRIVE.clamp_s), "ticks", f"1 ms, {page}"),
         Constant("RESTART_TICKS", _ticks(2e-3), "ticks", f"2 ms shorted before another wave, {page}"),
-        Constant("MOST_CHARGE_PC", 45_000_000, "pC", f"45 uC, {page}"),
+        Constant("STORED_CHARGE_NC", 45_000, "nC", f"45 uC, {page}"),
         Constant("OVER_VOLTAGE_PERCENT", 5, "% above the setpoint", page),
         Constant("OVER_CURRENT_UA", 550, "uA", page),
         Constant("OVER_CURRENT_TICKS", _ticks(1e-3), "ticks", f"1 ms, {page}"),

@@ -19,7 +19,7 @@ from firmware_models.core_settings import core_settings
 from firmware_models.toolchain import host_library
 from firmware_models.uart import NEVER_NS, Line
 from haptics.errors import InputError
-from haptics.link.messages import Board, State
+from haptics.link.messages import COIL_CHANNELS, LIMITS, Board, State
 
 _U32 = ctypes.c_uint32
 _TRANSMIT = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.POINTER(ctypes.c_uint8), _U32)
@@ -29,7 +29,17 @@ _CONVERT = ctypes.CFUNCTYPE(_U32, ctypes.c_void_p, _U32)
 
 
 class _Settings(ctypes.Structure):
-    _fields_ = (("limits", ctypes.c_uint16 * 4), ("nominal_pf", ctypes.c_uint16))
+    _fields_ = (("limits", ctypes.c_uint16 * LIMITS), ("nominal_pf", ctypes.c_uint16))
+
+
+class _CoilHeat(ctypes.Structure):
+    _fields_ = (("on_time", ctypes.c_uint32), ("check", ctypes.c_uint16))
+
+
+class _Memory(ctypes.Structure):
+    """What outlives a boot; all zeros in a new board."""
+
+    _fields_ = (("heat", _CoilHeat * COIL_CHANNELS), ("notes", ctypes.c_uint8))
 
 
 class _Calls(ctypes.Structure):
@@ -47,7 +57,13 @@ def _library() -> ctypes.CDLL:
     library = ctypes.CDLL(str(host_library()))
     host = ctypes.c_void_p
     signatures = {
-        "host_new": (host, [_U32, ctypes.POINTER(_Settings), _U32, _U32, _U32, ctypes.POINTER(_Calls), ctypes.c_void_p]),
+        "host_new": (
+            host,
+            [
+                *(_U32, ctypes.POINTER(_Settings), _U32, _U32, _U32),
+                *(ctypes.POINTER(_Memory), ctypes.POINTER(_Calls), ctypes.c_void_p),
+            ],
+        ),
         "host_free": (None, [host]),
         "host_receive": (None, [host, ctypes.c_char_p, _U32, _U32]),
         "host_run": (None, [host, _U32]),
@@ -73,7 +89,7 @@ class CompiledBoard:
         self.kind = kind
         settings = core_settings(kind, options)
         self.limits = settings.limits
-        self._settings = _Settings((ctypes.c_uint16 * 4)(*settings.limits), settings.nominal_pf)
+        self._settings = _Settings((ctypes.c_uint16 * LIMITS)(*settings.limits), settings.nominal_pf)
         self._boots = Boots(options, kind)
         self.pins = (CoilPins if kind == Board.TACTILES else BrakePins)(options, self._boots.plant_rng, start_ns)
         self.start_ns = self.now_ns = start_ns
@@ -87,6 +103,7 @@ class CompiledBoard:
             _CONVERT(self._guarded(self._convert)),
             _ASK(self._guarded(self._interlock_closed)),
         )
+        self._memory = _Memory()
         self._next_ns = NEVER_NS
         self._free: Callable[[], object] = lambda: None
         self._boot(brown_out=False)
@@ -105,7 +122,8 @@ class CompiledBoard:
         return self._library.host_faults(self._host)
 
     def brown_out(self) -> None:
-        """The CPU's supply breaks down for a moment: outputs off at once, and a reboot."""
+        """The CPU's supply breaks down for a moment: outputs off at once, memory lost, and a reboot."""
+        ctypes.memset(self._memory.heat, 0, ctypes.sizeof(self._memory.heat))
         self._restart(brown_out=True)
 
     def reset(self) -> None:
@@ -151,11 +169,13 @@ class CompiledBoard:
         return {**self.pins.truth(self.now_ns), "state": self.state}
 
     def set_load(self, channel: int, **load: float) -> None:
-        """Act on the hardware from outside: what the plant's ``load`` takes; and ``brown_out``, not 0: see there."""
-        browned_out = load.pop("brown_out", 0)
+        """Act on the hardware from outside: what the plant's ``load`` takes; ``brown_out`` and ``reset``, not 0: see there."""
+        browned_out, resets = load.pop("brown_out", 0), load.pop("reset", 0)
         self.pins.set_load(channel, self.now_ns, **load)
         if browned_out:
             self.brown_out()
+        if resets:
+            self.reset()
 
     def energised(self) -> list[int]:
         """Channels that carry current or dangerous volts now."""
@@ -167,7 +187,7 @@ class CompiledBoard:
         self._free()
         self.ticks, self.boot_id = self._boots.power_on(self.now_ns)
         self._host = self._library.host_new(
-            self.kind, self._settings, self.boot_id, brown_out, self._tick(), ctypes.byref(self._calls), None
+            self.kind, self._settings, self.boot_id, brown_out, self._tick(), self._memory, ctypes.byref(self._calls), None
         )
         if not self._host:
             raise InputError(f"core = c has no board of kind {int(self.kind)}, or no memory for it; allowed: core=py")

@@ -17,7 +17,7 @@ _GREATEST_PF = 0xFFFF
 class CoreSettings(NamedTuple):
     """``struct settings`` of the core: limits in the order of ``identity.limits``; capacitance of a sound brake."""
 
-    limits: tuple[int, int, int, int]
+    limits: tuple[int, ...]
     nominal_pf: int
 
 

@@ -3,7 +3,8 @@
 A pulse command is taken whole or refused whole. What may stand in its way, in this order: not armed (interlock); a mask,
 duration or time out of range; no place in the queue (full, detail 0); a pulse already on one of its channels at that time
 (full, detail the mask of those channels); more coils on at once than the current limit allows, each counted at the
-greatest current a coil can draw (full, detail with bit 15 set). So the limit holds by construction, whatever is queued.
+greatest current a coil can draw (full, detail with bit 15 set); a coil that was on for too long of late (hot, detail the mask
+of those coils). So the limits hold by construction, whatever is queued.
 ``CoilGuards`` watch that what is measured agrees. The feed between supply and drivers is on only while armed.
 """
 
@@ -15,18 +16,23 @@ from typing import Any, NamedTuple
 
 from firmware_models.board import FirmwareModel, Refusal
 from firmware_models.coil_guards import COIL_WORST_MA, CoilGuards
+from firmware_models.coil_heat import CoilHeat
 from firmware_models.options import Option
 from firmware_models.tactiles_plant import PLANT_OPTIONS, Actuators
 from firmware_models.uart import NEVER_NS, Line
-from haptics.link.messages import COIL_CHANNELS, DURATION_UNIT_US, TICKS_PER_US, Board, Fault, State, Status
+from haptics.link.messages import COIL_CHANNELS, DURATION_UNIT_US, TICK_HZ, TICKS_PER_US, Board, Fault, State, Status
 from haptics.physics.latch_parameters import LONGEST_PULSE_S
 
 QUEUE_DEPTH = 64
 LEAST_SUPPLY_MV = 3000
+ON_TIME_MS = 2500
 TOO_MANY_COILS = 1 << 15
 _ALL_CHANNELS = (1 << COIL_CHANNELS) - 1
 _TICKS_PER_UNIT = DURATION_UNIT_US * TICKS_PER_US
-_LONGEST_PULSE, _COIL_CURRENT, _QUEUE, _LEAST_SUPPLY = range(4)  # the order of identity.limits
+_UNASKED_S = {Fault.COIL_ON_TIME: LONGEST_PULSE_S + 4e-3, Fault.COIL_CURRENT: 4e-3}
+"""What a driver that is stuck was on for when its fault latches, at most: 2 ms beyond what is allowed, and two looks."""
+_NOTHING_S = [0.0] * COIL_CHANNELS
+_LONGEST_PULSE, _COIL_CURRENT, _QUEUE, _LEAST_SUPPLY, _ON_TIME = range(5)  # the order of identity.limits
 
 
 class Pulse(NamedTuple):
@@ -57,14 +63,15 @@ class TactilesBoard(FirmwareModel):
         }
 
     @classmethod
-    def built_limits(cls, options: Mapping[str, Any]) -> tuple[int, int, int, int]:
+    def built_limits(cls, options: Mapping[str, Any]) -> tuple[int, ...]:
         longest = round(LONGEST_PULSE_S * 1e6) // DURATION_UNIT_US
-        return (longest, round(1000 * options["current_limit_a"]), QUEUE_DEPTH, LEAST_SUPPLY_MV)
+        return (longest, round(1000 * options["current_limit_a"]), QUEUE_DEPTH, LEAST_SUPPLY_MV, ON_TIME_MS)
 
     def __init__(self, options: Mapping[str, Any], transmitter: Line, start_ns: int):
         super().__init__(options, transmitter, start_ns)
         self.plant = Actuators(options, self.plant_rng, start_ns, fed=False)
         self._guards = CoilGuards(self.plant)
+        self.heat = CoilHeat(start_ns)
         self._queue: list[Pulse] = []
         self._on: dict[int, Pulse] = {}
         self._forget()
@@ -88,8 +95,10 @@ class TactilesBoard(FirmwareModel):
             sign = 1 if message.toward_skin >> channel & 1 else -1
             pulses.append(Pulse(self.ticks.time_ns(start), self.ticks.time_ns(end), start, end, channel, sign))
         self._check_room(pulses)
+        self._check_heat(pulses)
         for pulse in pulses:
             insort(self._queue, pulse)
+        self.heat.note(_on_time_s(self._queue), self.now_ns)
         return 0
 
     def _check_room(self, wanted: list[Pulse]) -> None:
@@ -109,15 +118,33 @@ class TactilesBoard(FirmwareModel):
             if coils * COIL_WORST_MA > self.limits[_COIL_CURRENT]:
                 raise Refusal(Status.FULL, TOO_MANY_COILS)
 
+    def _check_heat(self, wanted: list[Pulse]) -> None:
+        """Refuse what takes a coil's account of on-time beyond its limit."""
+        hot = self.heat.hot(_on_time_s(wanted), _on_time_s(self._queue), self._most_on_s(), self.now_ns)
+        if hot:
+            raise Refusal(Status.HOT, hot)
+
+    def _most_on_s(self) -> float:
+        return self.limits[_ON_TIME] / 1000
+
     def _cancel(self, message: Any) -> int:
         kept = [pulse for pulse in self._queue if not message.channels >> pulse.channel & 1]
         forgotten = len(self._queue) - len(kept)
         self._queue = kept
         return forgotten
 
+    def _charge_unasked(self, fault: Fault) -> None:
+        """Current that no command explains may have been any coil's: each is charged with what flowed until it was noticed."""
+        for channel in range(COIL_CHANNELS if fault in _UNASKED_S else 0):
+            self.heat.begin(channel, _UNASKED_S[fault], self.now_ns)
+        self.heat.note(_NOTHING_S, self.now_ns)
+
     def _begin_arming(self) -> None:
         if self._supply_low():
             raise Refusal(Status.INTERLOCK, 1 << Fault.SUPPLY)
+        hot = self.heat.beyond(self.built_limits(self._options)[_ON_TIME] / 1000, self.now_ns)
+        if hot:
+            raise Refusal(Status.HOT, hot)
         self.state = State.ARMED
         self.plant.feed(True, self.now_ns)
         self._guards.wake(self.now_ns)
@@ -138,6 +165,7 @@ class TactilesBoard(FirmwareModel):
             pulse = self._queue.pop(0)
             changes[pulse.channel] = pulse.sign
             self._on[pulse.channel] = pulse
+            self.heat.begin(pulse.channel, _length_s(pulse), self.now_ns)
             self._played[pulse.channel] = (self._played[pulse.channel] + 1) & 0xFFFF
         if changes:
             self.plant.switch(changes, self.now_ns)
@@ -149,6 +177,7 @@ class TactilesBoard(FirmwareModel):
             )
             if trip is not None:
                 self.latch(*trip)
+                self._charge_unasked(trip.fault)
 
     def _outputs_off(self) -> None:
         self._queue.clear()
@@ -161,6 +190,17 @@ class TactilesBoard(FirmwareModel):
     def _forget(self) -> None:
         self._played = [0] * COIL_CHANNELS
 
+    def reset(self) -> None:
+        """As of any board. What was to be played is not known to the firmware any more, and counts as played."""
+        for pulse in self._queue:
+            self.heat.begin(pulse.channel, _length_s(pulse), self.now_ns)
+        super().reset()
+
+    def brown_out(self) -> None:
+        """As of any board. What the firmware knew of its coils' heat is lost, but for what it noted."""
+        super().brown_out()
+        self.heat.lose_power(self._most_on_s(), self.now_ns)
+
     def _supply_mv(self) -> int:
         return round(1000 * self.plant.volts)
 
@@ -172,7 +212,8 @@ class TactilesBoard(FirmwareModel):
 
     def _telemetry(self) -> tuple[Any, ...]:
         milliamps = min(round(1000 * self.plant.current_a(self.now_ns)), 0xFFFF)
-        return (self._played, self._supply_mv(), milliamps, len(self._queue))
+        heat = self.heat.units(_on_time_s(self._queue), self.now_ns)
+        return (self._played, heat, self._supply_mv(), milliamps, len(self._queue))
 
     # Seen from outside.
 
@@ -190,3 +231,15 @@ class TactilesBoard(FirmwareModel):
 
     def energised(self) -> list[int]:
         return self.plant.energised
+
+
+def _length_s(pulse: Pulse) -> float:
+    return (pulse.end - pulse.start) / TICK_HZ
+
+
+def _on_time_s(pulses: list[Pulse]) -> list[float]:
+    """Of each coil."""
+    total_s = [0.0] * COIL_CHANNELS
+    for pulse in pulses:
+        total_s[pulse.channel] += _length_s(pulse)
+    return total_s

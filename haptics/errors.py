@@ -7,6 +7,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 
 class HapticsError(Exception):
     """Base of every error this package raises on purpose."""
@@ -18,6 +20,14 @@ class InputError(HapticsError, ValueError):
 
 class LimitError(HapticsError):
     """A well-formed request was refused because of a limit (volts, heat, current, validity)."""
+
+
+class GloveEnded(HapticsError):
+    """The glove is closed, or the thread that served it ended; the message says why."""
+
+
+class DeadManMissed(HapticsError):
+    """The boards went without their host for longer than their dead-man, and made themselves safe."""
 
 
 class LinkError(HapticsError):
@@ -34,6 +44,15 @@ class LinkError(HapticsError):
         during = f" during {command}" if command else ""
         hint = f"; {advice}" if advice else ""
         super().__init__(f"{port}: {seen}{during}{hint}")
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _rebuilt, (type(self), str(self), self.__dict__)  # rigs run in other processes, and their errors come home
+
+
+def _rebuilt(kind: type[LinkError], message: str, state: dict[str, Any]) -> LinkError:
+    error = kind.__new__(kind, message)
+    error.__dict__.update(state)
+    return error
 
 
 class LinkLost(LinkError):

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import math
+import os
+from numbers import Integral, Real
+from pathlib import Path
 
 from haptics.errors import InputError
 
@@ -17,21 +20,71 @@ def in_range(name: str, value: float, low: float, high: float, unit: str = "") -
     """
     try:
         number = float(value)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise InputError(f"{name} = {value!r} is not a number; allowed: {_span(low, high, unit)}") from error
     if not math.isfinite(number) or not low <= number <= high:
         raise InputError(f"{name} = {number:g}{_suffix(unit)} is not allowed; allowed: {_span(low, high, unit)}")
     return number
 
 
-def one_of(name: str, value: str, allowed: tuple[str, ...] | list[str]) -> str:
+def number(name: str, value: object, low: float, high: float, unit: str = "") -> float:
+    """As ``in_range``, of what is a number already: text that reads as one, a truth value or an array is refused too.
+
+    :raises InputError: not a real number, not finite, or outside the range.
+    """
+    if isinstance(value, bool) or not isinstance(value, Real):
+        raise InputError(f"{name} = {value!r} is not a number; allowed: {_span(low, high, unit)}")
+    return in_range(name, value, low, high, unit)  # type: ignore[arg-type]
+
+
+def whole_number(name: str, value: object, low: int, high: int, unit: str = "") -> int:
+    """``value`` as an int if it is a whole number in the range.
+
+    :raises InputError: not an integer (2.0 is none, nor is True), or outside the range.
+    """
+    if isinstance(value, bool) or not isinstance(value, Integral):
+        raise InputError(f"{name} = {value!r} is not a whole number; allowed: {_span(low, high, unit)}")
+    if not low <= int(value) <= high:
+        raise InputError(f"{name} = {int(value)}{_suffix(unit)} is not allowed; allowed: {_span(low, high, unit)}")
+    return int(value)
+
+
+def file_path(name: str, value: object) -> Path:
+    """``value`` as a path, if it is text or a path: an integer would be taken for an open file.
+
+    :raises InputError: something else, or with a zero byte in it.
+    """
+    if not isinstance(value, (str, os.PathLike)):
+        raise InputError(f"{name} = {_short(value)} is no file's name; allowed: text, or a path")
+    path = Path(value)  # type: ignore[arg-type]
+    if "\0" in str(path):
+        raise InputError(f"{name} = {_short(value)} has a zero byte in it; allowed: a file's name")
+    return path
+
+
+def an_instance(name: str, value: object, kind: type, how: str) -> None:
+    """Nothing, if ``value`` is a ``kind``.
+
+    :param how: how one gets such a thing, for the message.
+    :raises InputError: it is not.
+    """
+    if not isinstance(value, kind):
+        raise InputError(f"{name} = {_short(value)} is a {type(value).__name__}; allowed: a {kind.__name__}, {how}")
+
+
+def one_of(name: str, value: object, allowed: tuple[str, ...] | list[str]) -> str:
     """``value`` if it is one of ``allowed``.
 
     :raises InputError: it is not; the message lists what is.
     """
-    if value not in allowed:
+    if not isinstance(value, str) or value not in allowed:
         raise InputError(f"{name} = {value!r} is not allowed; allowed: {', '.join(allowed)}")
     return value
+
+
+def _short(value: object) -> str:
+    text = repr(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."
 
 
 def _suffix(unit: str) -> str:

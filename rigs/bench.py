@@ -20,11 +20,16 @@ import numpy as np
 
 from haptics.devices import BrakeDriver
 from haptics.devices.brake import COMMAND_LEAD_NS
+from haptics.ends import orderly, unbroken
 from haptics.errors import HapticsError, InputError
 from haptics.link.commands import NEVER_NS, Pending
 from haptics.link.events import Event, Telemetry
 from haptics.link.messages import COIL_CHANNELS, DURATION_UNIT_US, Status
-from haptics.recording import StreamSpec, finalise, recover
+from haptics.link.ports import check_port
+from haptics.recording import StreamSpec, finalise
+from haptics.recording.ending import keep
+from haptics.recording.leftovers import journal_of, refuse_leftover
+from haptics.recording.output import check_outputs
 from haptics.session.configuration import Configuration
 from haptics.session.glove import Glove, with_defaults
 from haptics.session.recorder import LinkRecorder, provenance
@@ -79,6 +84,17 @@ class BenchOptions:
         return self.configuration.tactiles.port if board == "tactiles" else self.configuration.brake.port
 
 
+def check_record(options: BenchOptions) -> None:
+    """Look, before a board is opened, whether the recording can be written.
+
+    :raises InputError: it cannot; or a journal of an earlier session is in the way.
+    """
+    if options.record is not None:
+        journal = journal_of(options.record)
+        refuse_leftover(journal, options.force)
+        check_outputs({"recording": options.record, "its journal": journal}, options.force)
+
+
 class Bench:
     """A board and its instruments while a rig runs; use as a context manager.
 
@@ -115,6 +131,7 @@ class Bench:
         url = options.board_url(board)
         self.simulated = url.startswith("sim://")
         self._check_instruments(instruments, url)
+        check_record(options)
         self._early: list[tuple[int, str, bool, bytes]] = []
         world = f"bench-{os.getpid()}-{next(_worlds)}"
         defaults: dict[str, object] = {"world": world, **(simulate or {})}
@@ -122,14 +139,18 @@ class Bench:
             defaults["level"] = options.level
         url = with_defaults(url, **defaults)
         part = getattr(options.configuration, board).model_copy(update={"port": url})
-        self.glove = Glove(
-            part if board == "tactiles" else None,
-            part if board == "brake" else None,
-            realtime=not self.simulated,
-            seed=options.seed,
-            wire_tap=self._tap,
-        )
+        self._exits = contextlib.ExitStack()
+        self._exits.enter_context(orderly())
         try:
+            self.glove = Glove(
+                part if board == "tactiles" else None,
+                part if board == "brake" else None,
+                realtime=not self.simulated,
+                seed=options.seed,
+                wire_tap=self._tap,
+                limit_pulses=False,
+            )
+            self._exits.push(self._close)
             self.glove.on_event(self._take)
             self.link = self.glove.links[board]
             shared = {**_query(url), "channel": options.channel}
@@ -137,8 +158,8 @@ class Bench:
                 self._open(kind, {key: shared[key] for key in ("world", "channel") if key in shared})
             self._start_recording(rig, instruments, plot)
             self._meet_instruments()
-        except BaseException:
-            self._close(failed=True)
+        except BaseException as error:
+            self._exits.__exit__(type(error), error, error.__traceback__)
             raise
 
     # Time.
@@ -197,7 +218,7 @@ class Bench:
             mask |= 1 << at
             durations[at] = round(in_range("duration_s", duration_s, 50e-6, 10e-3, "s") * 1e6 / DURATION_UNIT_US)
         toward = mask if toward_skin else 0
-        pending = self.link.send("pulse", self.link.to_ticks(at_ns), mask, toward, durations, now_ns=self.now_ns)
+        pending = self.link.send("pulse", self.link.exact_ticks(at_ns), mask, toward, durations, now_ns=self.now_ns)
         self._pending.append(("pulse", pending))
         self.pulsed_ns.append(at_ns)
         back_ns = NEVER_NS if toward_skin else at_ns + seconds_to_ns(duration_s)
@@ -286,13 +307,15 @@ class Bench:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
-        self._close(failed=kind is not None)
+        self._exits.__exit__(kind, error, trace)
 
     def _check_instruments(self, instruments: Sequence[type[SampleStream] | type[Stage]], url: str) -> None:
         wanted = [kind.kind for kind in instruments]
         for kind in self.options.instruments:
             if kind not in wanted:
                 raise InputError(f"{kind} is not read by this rig; allowed: {', '.join(wanted) or 'none'}")
+        for kind, port in self.options.instruments.items():
+            check_port(port, kind)
         missing = [kind for kind in wanted if kind not in self.options.instruments]
         if missing and not self.simulated:
             raise InputError(f"port = {url!r} is hardware, and no port is given for: {', '.join(missing)}")
@@ -328,7 +351,7 @@ class Bench:
         if plot is not None:
             header["default_plot"] = {"stream": plot[0], "signal": plot[1]}
         streams = [_stream_spec(kind) for kind in instruments if issubclass(kind, SampleStream)]
-        self.recorder = LinkRecorder(self.options.record.with_suffix(".journal"), header, self.options.force, streams)
+        self.recorder = LinkRecorder(journal_of(self.options.record), header, self.options.force, streams)
         for time_ns, name, to_board, data in self._early:
             self.recorder.wire(time_ns, name, to_board, data)
         self._early.clear()
@@ -343,35 +366,36 @@ class Bench:
                 one = waiting[0]
                 if one.faults:
                     return
-                seen = "samples, but not what it is" if one.count else "nothing that reads as samples"
-                raise InstrumentSilent(one.url, f"the {one.kind} prints {seen}", "open", "is it on, and at this baud rate?")
+                raise InstrumentSilent(one.url, f"the {one.kind} does not answer: {one.seen()}", "open")
             self.wait(0.05)
         while self._stage is not None and not self._stage.state:
             if self.now_ns > end_ns:
-                raise InstrumentSilent(
-                    self._stage.url, "the stage does not say how it is", "open", "is it on, and at this baud rate?"
-                )
+                seen = f"the stage does not say how it is: {self._stage.seen()}"
+                raise InstrumentSilent(self._stage.url, seen, "open")
             self.wait(0.05)
         if self.recorder is not None:
             for kind, one in self.instruments.items():
                 self._note("instrument", kind, detail=" ".join(f"{key}={value}" for key, value in one.header.items()))
 
-    def _close(self, failed: bool) -> None:
-        """Stage stopped, then off, whatever else goes wrong; then ports closed and the record made whole."""
-        try:
-            self._stop_stage()
-            self._let_go()
-            self._withdraw()
-        finally:
+    def _close(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        """Stage stopped, then off, whatever else goes wrong; then ports closed and the record made whole. Signals wait."""
+        with unbroken:
+            if self.recorder is not None:
+                self.recorder.journal.raises = False
             try:
-                self.glove.off()
+                self._stop_stage()
+                self._let_go()
+                self._withdraw()
             finally:
-                self.glove.close()
-                for one in self.instruments.values():
-                    one.close()
-                if self._stage is not None:
-                    self._stage.close()
-                self._end_recording(failed)
+                try:
+                    self.glove.off()
+                finally:
+                    self.glove.close()
+                    for one in self.instruments.values():
+                        one.close()
+                    if self._stage is not None:
+                        self._stage.close()
+                    self._end_recording(error)
 
     def _stop_stage(self) -> None:
         """Nothing pulls any more; before volts drop, for strips that let go under a moving hand fly."""
@@ -399,16 +423,23 @@ class Bench:
             raise InputError(f"board = {self.board!r} has no brakes; allowed: a rig on a brake board")
         return brakes, brakes.channels[int(in_range("channel", channel, 0, len(brakes.channels) - 1))]
 
-    def _end_recording(self, failed: bool) -> None:
+    def _end_recording(self, error: BaseException | None) -> None:
         recorder, self.recorder = self.recorder, None
         if recorder is None or self.options.record is None:
             return
-        if failed:  # keep what there is, marked incomplete
-            recorder.journal.abandon()
-            recover(recorder.path, self.options.record, force=self.options.force)
-        else:
-            recorder.journal.close({"ended": "off"})
-            finalise(recorder.path, self.options.record, force=self.options.force)
+        journal, record, force = recorder.journal, self.options.record, self.options.force
+        if error is not None:
+            keep(journal, record, force, error)
+            return
+        try:
+            if journal.error is not None:
+                raise journal.error
+            journal.raises = True
+            journal.close({"ended": "off"})
+            finalise(journal.path, record, force=force)
+        except BaseException as trouble:
+            keep(journal, record, force, trouble)
+            raise
 
     def _withdraw(self) -> None:
         """Pins that this bench sent out go back, three at a time, as long as the board takes commands."""

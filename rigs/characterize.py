@@ -13,8 +13,9 @@ from typing import Any
 import numpy as np
 
 from haptics.cli.show import plain
+from haptics.ends import end_workers
 from haptics.errors import InputError
-from haptics.recording.output import refuse_existing, replacing
+from haptics.recording.output import check_outputs, make_folder, refuse_existing, replacing
 from haptics.session.recorder import provenance
 from haptics.units import in_range
 from rigs.bench import BenchOptions
@@ -152,6 +153,10 @@ def run_jobs(
             progress(f"{name}, {len(results) + 1} of {len(jobs)}")
             results.append(future.result())
         return tuple(results)
+    except KeyboardInterrupt:
+        if executor is None:  # who was asked to end is us; each bench keeps what it has recorded
+            end_workers()
+        raise
     finally:
         if executor is None:
             pool.shutdown(cancel_futures=True)
@@ -261,12 +266,10 @@ def _write(done: Characterisation, out: Path, force: bool) -> list[Path]:
 
 
 def _make_folder(out: Path, name: str, force: bool) -> None:
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{out}: no folder can be made there ({error.strerror or error})") from error
-    for taken in [*out.glob(f"{name}*.h5"), out / f"{name}.html", out / f"{name}.json"]:
+    make_folder(out)
+    for taken in out.glob(f"{name}*.h5"):
         refuse_existing(taken, force)
+    check_outputs({"page": out / f"{name}.html", "data": out / f"{name}.json"}, force)
 
 
 def made_with() -> dict[str, Any]:

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from haptics.cli.show import print_json, print_pairs, print_table, progress_unless
+from haptics.cli.show import name_leftovers, print_json, print_pairs, print_table, progress_unless
 
 Json = Annotated[bool, typer.Option("--json", help="print one JSON object")]
 Out = Annotated[Path | None, typer.Option(help="folder to write recordings, pictures and the page to [default: NAME-TIME]")]
@@ -53,7 +53,9 @@ def characterize(
         force=force,
         progress=progress_unless(json),
     )
-    done = run(name, options, devices, _folder(out, name))
+    folder = _folder(out, name)
+    name_leftovers(folder)
+    done = run(name, options, devices, folder)
     if json:
         print_json(done.to_json())
     else:

@@ -18,6 +18,7 @@ from typing import Any
 
 import tomlkit
 
+from haptics.cli.program import run_program
 from haptics.errors import HapticsError, InputError
 from haptics.recording.output import replacing
 from haptics.session.configuration import Configuration, check_configuration, load_configuration
@@ -47,13 +48,20 @@ def measure(rig: str, places: dict[str, int], options: BenchOptions, ask: Callab
 def calibration(heat: dict[str, RigResult], pulls: dict[str, RigResult]) -> tuple[dict[str, Any], dict[str, Any]]:
     """Tables for ``[tactiles.calibration]`` and ``[brake.calibration]`` of what showed no fault.
 
-    The power is that of a cold pulse: a warm coil takes less, so that a budget kept by it errs to the safe side.
+    The power is that of a cold pulse: a warm coil takes less, so that a budget kept by it errs to the safe side. Standard
+    deviations go along: the budget counts three of them.
     """
     tactors = {
         site: {
-            "tau_s": round(result.quantities["tau_s"].value, 2),
-            "c_k_per_w": round(result.quantities["c_k_per_w"].value, 2),
-            "power_w": round(result.quantities["pulse_power_w"].value, 2),
+            key: round(value, 3)
+            for key, value in (
+                ("tau_s", result.quantities["tau_s"].value),
+                ("tau_sd_s", result.quantities["tau_s"].sd),
+                ("c_k_per_w", result.quantities["c_k_per_w"].value),
+                ("c_sd_k_per_w", result.quantities["c_k_per_w"].sd),
+                ("power_w", result.quantities["pulse_power_w"].value),
+                ("power_sd_w", result.quantities["pulse_power_w"].sd),
+            )
         }
         for site, result in heat.items()
         if result.sound
@@ -132,4 +140,4 @@ def _characterise(arguments: argparse.Namespace, configuration: Configuration) -
 
 
 if __name__ == "__main__":
-    main()
+    run_program(main)

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from haptics.cli.program import run_program
 from haptics.cli.show import print_table
 from haptics.errors import HapticsError, InputError
 from haptics.recording import Recording, load
@@ -121,4 +122,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_program(main)

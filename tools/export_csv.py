@@ -13,8 +13,10 @@ from pathlib import Path
 
 import numpy as np
 
+from haptics.cli.program import run_program
 from haptics.errors import HapticsError, InputError
 from haptics.recording import Recording, load
+from haptics.recording.output import make_folder, replacing
 
 
 def export(recording: Recording, folder: Path) -> list[Path]:
@@ -22,7 +24,7 @@ def export(recording: Recording, folder: Path) -> list[Path]:
 
     :raises InputError: the folder exists and is not empty.
     """
-    folder.mkdir(parents=True, exist_ok=True)
+    make_folder(folder)
     if any(folder.iterdir()):
         raise InputError(f"{folder} is not empty; allowed: a new or empty folder")
     written = []
@@ -35,7 +37,7 @@ def export(recording: Recording, folder: Path) -> list[Path]:
             labels = [field + unit] if values.shape[1] == 1 else [f"{field}[{i}]{unit}" for i in range(values.shape[1])]
             columns += zip(labels, values.T, strict=True)
         path = folder / f"{name}.csv"
-        with path.open("w", newline="") as file:
+        with replacing(path, force=False) as partial, partial.open("w", newline="") as file:
             writer = csv.writer(file)
             writer.writerow([label for label, _ in columns])
             writer.writerows(zip(*([_text(value) for value in values.tolist()] for _, values in columns), strict=True))
@@ -63,4 +65,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_program(main)

@@ -12,6 +12,7 @@ import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 
+from haptics.cli.program import run_program
 from haptics.errors import HapticsError
 from haptics.garments.bodies import MOTIONS
 from haptics.garments.bodies.anny_body import AnnyBody
@@ -164,4 +165,4 @@ def _show(rows: Sequence[Row]) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_program(main)

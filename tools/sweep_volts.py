@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
+from haptics.cli.program import run_program
 from haptics.errors import HapticsError, InputError
 from haptics.recording.output import replacing
 from haptics.session.configuration import load_configuration
@@ -108,4 +109,4 @@ def _numbers(name: str, text: str) -> list[float]:
 
 
 if __name__ == "__main__":
-    main()
+    run_program(main)

@@ -29,7 +29,8 @@ def check(
     tactiles, brake = configuration.tactiles, configuration.brake
     limits = f"{tactiles.rise_limit_k:g} K, {tactiles.current_limit_a:g} A"
     print(f"  tactiles  {tactiles.port}, {len(tactiles.sites)} sites, {limits}")
-    print(f"  brake     {brake.port}, {', '.join(brake.channels)}, {brake.amplitude_v:g} V at {brake.frequency_hz:g} Hz")
+    volts = f"{brake.amplitude_v:g} V at {brake.frequency_hz:g} Hz, at most {brake.max_amplitude_v:g} V"
+    print(f"  brake     {brake.port}, {', '.join(brake.channels)}, {volts}")
 
 
 @app.command("schema")

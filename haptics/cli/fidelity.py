@@ -27,11 +27,9 @@ def measure(
     from json import dumps
 
     from haptics.fidelity import measured
-    from haptics.recording.output import refuse_existing, replacing
+    from haptics.recording.output import check_outputs, replacing
 
-    for path in (out, picture):
-        if path is not None:
-            refuse_existing(path, force)
+    check_outputs({"out": out, "picture": picture}, force)
     if shipped:
         table = measured.shipped()
     else:
@@ -100,6 +98,7 @@ def plan(
 def prove(
     scene: Annotated[str, typer.Argument(help="a shipped scene's name or a scene file")],
     hand: Annotated[str, typer.Option("--hand", help="a hand recording, or `synthetic`")] = "synthetic",
+    side: Annotated[str, typer.Option(help="hand to play: left, right, or auto: the one with most poses")] = "auto",
     tolerance_jnd: Annotated[float, typer.Option(help="error allowed, as a share of what is just noticed")] = 1 / 3,
     level: Annotated[list[str] | None, typer.Option("--level", help="MODEL=LEVEL of the planned run; repeat")] = None,
     seed: Annotated[int, typer.Option(help="seed of the simulated boards")] = 1,
@@ -110,7 +109,7 @@ def prove(
     from haptics.session.proof import prove_plan
     from haptics.session.run import RunOptions
 
-    options = RunOptions(seed=seed, tolerance_jnd=tolerance_jnd, levels=chosen_levels(level))
+    options = RunOptions(side=side, seed=seed, tolerance_jnd=tolerance_jnd, levels=chosen_levels(level))
     proof = prove_plan(scene, hand, Configuration(), options)
     if json:
         print_json({**plain(proof), "kept": proof.kept})
@@ -155,6 +154,7 @@ def stress(
 def onset(
     hand: Annotated[list[str] | None, typer.Option("--hand", help="recording, or `synthetic`; repeat for more")] = None,
     folder: Annotated[Path | None, typer.Option(help="all Leap recordings in this folder")] = None,
+    side: Annotated[str, typer.Option(help="hands to take: left, right, or auto: both")] = "auto",
     objects: Annotated[int, typer.Option(help="random objects for each recorded hand")] = 150,
     latency_ms: Annotated[list[float] | None, typer.Option("--latency-ms", help="tracker latency, ms; repeat for more")] = None,
     seed: Annotated[int, typer.Option(help="seed of the objects' places")] = 1,
@@ -163,7 +163,7 @@ def onset(
     """Onset error of predicted touch over objects at random places, beside holding the last pose."""
     from haptics.session.onset_study import onset_study
 
-    rows = onset_study(hand or [], folder, objects, [ms / 1e3 for ms in latency_ms or [0.0, 10.0, 20.0]], seed)
+    rows = onset_study(hand or [], folder, objects, [ms / 1e3 for ms in latency_ms or [0.0, 10.0, 20.0]], seed, side)
     if json:
         print_json({"rows": rows})
         return

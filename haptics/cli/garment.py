@@ -108,13 +108,13 @@ def evaluate(
     from haptics.garments.evaluation import evaluate_design
     from haptics.garments.garment import refuse_frame
     from haptics.meshes import FORMATS
-    from haptics.recording.output import refuse_existing
+    from haptics.recording.output import check_outputs
     from haptics.units import one_of
 
     for option, path, ending in (("picture", picture, ".png"), ("rrd", rrd, ".rrd")):
         if path is not None:
             one_of(f"ending of {option} {path.name}", path.suffix.lower(), (ending,))
-            refuse_existing(path, force)
+    check_outputs({"picture": picture, "rrd": rrd}, force, {"the design": design})
     meshes = [name for name in (str(design), against, garment) if name and Path(name).suffix.lower() in FORMATS]
     if not meshes:
         refuse_frame(against or str(design), units, up)

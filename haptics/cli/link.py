@@ -27,19 +27,28 @@ def ports(json: Annotated[bool, typer.Option("--json", help="print one JSON obje
         print_json({"ports": found})
     else:
         print_table("ports", ("port", "what", "serial number"), ((p.url, p.description, p.serial_number) for p in found))
+        if all(p.simulated for p in found):
+            print("no serial port of this machine was found: is the board plugged in, and may you use it (group dialout, uucp)?")
 
 
 def off(
     port: Annotated[list[str] | None, typer.Option("--port", help="port to make safe; repeat for more [default: all]")] = None,
     json: Annotated[bool, typer.Option("--json", help="print one JSON object")] = False,
 ) -> None:
-    """Make every board that is found safe: nothing energised, disarmed."""
+    """Make every board that is found safe: nothing energised, disarmed.
+
+    Exit code 0: every board named (or found) said that it is off. 2: a named one did not. 1: one that was found did not.
+    """
     from haptics.session.off import make_safe
 
     results = make_safe(port)
+    safe = all(r.safe for r in results)
     if json:
-        print_json({"ports": results})
+        print_json({"safe": safe, "ports": results})
     else:
-        print_table("off", ("port", "board", "result"), ((r.port, r.board, r.result) for r in results))
-    if any(not r.safe for r in results):
+        rows = ((r.port, r.board, "yes" if r.safe else "NO", r.result) for r in results)
+        print_table("off", ("port", "board", "safe", "result"), rows)
+        if not results:
+            print("no serial port of this machine was found")
+    if not safe:
         raise typer.Exit(1 if port is None else 2)

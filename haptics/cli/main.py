@@ -1,7 +1,7 @@
 """The ``haptics`` command: arguments in, one library call, a table or ``--json`` out.
 
-Exit codes: 0 fine, 1 a limit or a validation failed, 2 set-up or usage. Other packages add commands through the entry
-point group ``haptics.commands``: ``"group.name"`` adds ``name`` to the group, ``"name"`` adds it to the top.
+Exit codes: see ``haptics.cli.program``. Other packages add commands through the entry point group ``haptics.commands``:
+``"group.name"`` adds ``name`` to the group, ``"name"`` adds it to the top.
 """
 
 from __future__ import annotations
@@ -9,14 +9,28 @@ from __future__ import annotations
 import sys
 from functools import cache
 from importlib.metadata import entry_points
+from typing import Any
 
 import typer
+from typer.core import TyperGroup
 
 from haptics.cli import configuration, fidelity, garment, link, predict, recording, run
-from haptics.errors import HapticsError, LimitError
+from haptics.cli.program import ENDINGS, ended_by, run_program
+
+
+class _Commands(TyperGroup):
+    """Turns what ends a command into lines on standard error and an exit code, before typer has its own way with it."""
+
+    def invoke(self, ctx: Any) -> Any:
+        try:
+            return super().invoke(ctx)
+        except ENDINGS as error:
+            sys.exit(ended_by(error))
+
 
 app = typer.Typer(
     name="haptics",
+    cls=_Commands,
     help="Wearable haptics, from a VR scene to volts on a wrist and back.",
     no_args_is_help=True,
     add_completion=False,
@@ -48,19 +62,13 @@ def _add_installed_commands() -> None:
 
 
 def main() -> None:
-    """Run the command line; errors meant for a person become one line on standard error."""
+    """Run the command line; errors meant for a person become lines on standard error, and whoever asks to end it is obeyed."""
+    run_program(_command_line)
+
+
+def _command_line() -> None:
     _add_installed_commands()
-    try:
-        app()
-    except LimitError as error:
-        print(f"haptics: {error}", file=sys.stderr)
-        sys.exit(1)
-    except HapticsError as error:
-        print(f"haptics: {error}", file=sys.stderr)
-        sys.exit(2)
-    except KeyboardInterrupt:
-        print("haptics: interrupted", file=sys.stderr)
-        sys.exit(130)
+    app()
 
 
 if __name__ == "__main__":

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from haptics.cli.show import print_json, print_pairs
+from haptics.cli.show import print_json, print_pairs, printing
 
 app = typer.Typer(help="Recordings: what is in one, and saving what a crash left.", no_args_is_help=True)
 
@@ -28,18 +28,24 @@ def recover(
 
 @app.command("info")
 def info(
-    path: Annotated[Path, typer.Argument(help="recording (*.h5)")],
+    path: Annotated[Path, typer.Argument(help="recording (*.h5), or the journal of one (*.journal)")],
     json: Annotated[bool, typer.Option("--json", help="print one JSON object")] = False,
 ) -> None:
-    """Print what a recording holds."""
-    from haptics.recording import load
+    """Print what a recording holds, whether it is complete, what was lost and what is damaged. Exit code 1: it is damaged."""
+    from haptics.recording.condition import condition_of
 
-    recording = load(path)
-    rows = {name: len(recording.stream(name)) for name in recording.streams}
+    found = condition_of(path)
     if json:
-        print_json({"path": str(path), "header": recording.header, "rows": rows})
+        print_json(found)
     else:
-        print_pairs(str(path), rows)
+        told = {"is": found.kind, "complete": "yes" if found.complete else "no", "lost": f"{found.lost_bytes} bytes"}
+        told |= {"damaged": found.damaged or "no", "verified": "yes" if found.verified else "no"}
+        print_pairs(str(path), told | {f"rows of {name}": count for name, count in found.rows.items()})
+        with printing():
+            for note in found.notes:
+                print(f"note: {note}")
+    if found.damaged:
+        raise typer.Exit(1)
 
 
 def replay(

@@ -7,12 +7,16 @@ from typing import Annotated
 
 import typer
 
-from haptics.cli.show import chosen_levels, plain, print_json, print_pairs, print_table
+from haptics.cli.show import chosen_levels, name_leftovers, plain, print_json, print_pairs, print_table, printing
+from haptics.errors import HapticsError
 
 
 def run(
     scene: Annotated[str, typer.Argument(help="a shipped scene's name (see `haptics scenes`) or a scene file")],
     hand: Annotated[str, typer.Option("--hand", help="a hand recording, or `synthetic` for the shipped motion")] = "synthetic",
+    side: Annotated[
+        str | None, typer.Option(help="hand that wears the glove: left, right or auto [default: as configured]")
+    ] = None,
     port_tactiles: Annotated[str | None, typer.Option(help="port URL of the tactor array")] = None,
     port_brake: Annotated[str | None, typer.Option(help="port URL of the brake controller")] = None,
     realtime: Annotated[bool, typer.Option("--realtime", help="play in real time (needed for hardware)")] = False,
@@ -32,6 +36,7 @@ def run(
     from haptics.session.configuration import load_configuration
     from haptics.session.run import RunOptions, run_scene
 
+    name_leftovers(Path.cwd() if out is None else out.parent)
     report = run_scene(
         scene,
         hand,
@@ -39,6 +44,7 @@ def run(
         RunOptions(
             port_tactiles=port_tactiles,
             port_brake=port_brake,
+            side=side,
             realtime=realtime,
             latency_s=None if latency_ms is None else latency_ms / 1e3,
             seed=seed,
@@ -52,10 +58,15 @@ def run(
             budget_s_per_s=budget,
         ),
     )
-    if json:
-        print_json(report)
-    else:
-        _show(plain(report))
+    try:
+        if json:
+            print_json(report)
+        else:
+            with printing():
+                _show(plain(report))
+    except HapticsError as error:
+        error.add_note(f"the recording {report['recording']} is complete")
+        raise
     if report["faults"]:
         raise typer.Exit(1)
 

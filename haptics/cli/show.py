@@ -7,10 +7,12 @@ import json
 import math
 import os
 import sys
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from pathlib import Path
 from typing import Any
 
-from haptics.errors import InputError
+from haptics.errors import HapticsError, InputError
 
 _PIPED_WIDTH = 160
 
@@ -33,9 +35,25 @@ def plain(value: Any) -> Any:
     return value
 
 
+@contextmanager
+def printing() -> Iterator[None]:
+    """What is printed in it is out when it is left.
+
+    :raises HapticsError: it cannot be: the pipe was closed, the disk behind it is full.
+    """
+    try:
+        yield
+        sys.stdout.flush()
+    except OSError as error:
+        why = "it was closed" if isinstance(error, BrokenPipeError) else error.strerror or error
+        raise HapticsError(f"standard output cannot be written: {why}") from error
+
+
 def print_json(value: Any) -> None:
     """One JSON object on standard output."""
-    print(json.dumps(plain(value), indent=2, allow_nan=False))
+    text = json.dumps(plain(value), indent=2, allow_nan=False)
+    with printing():
+        print(text)
 
 
 def print_pairs(title: str, pairs: Mapping[str, Any]) -> None:
@@ -53,7 +71,13 @@ def print_table(title: str, head: Iterable[str], rows: Iterable[Iterable[Any]]) 
         table.add_column(column)
     for row in rows:
         table.add_row(*(_cell(v) for v in row))
-    Console(width=None if sys.stdout.isatty() or "COLUMNS" in os.environ else _PIPED_WIDTH).print(table)
+
+    class Plain(Console):
+        def on_broken_pipe(self) -> None:
+            raise BrokenPipeError
+
+    with printing():
+        Plain(width=None if sys.stdout.isatty() or "COLUMNS" in os.environ else _PIPED_WIDTH).print(table)
 
 
 def chosen_levels(pairs: list[str] | None) -> dict[str, str]:
@@ -79,6 +103,15 @@ def progress_unless(silent: bool) -> Callable[[str], None]:
             print(f"\r\033[K{what} ...", end="", file=sys.stderr, flush=True)
 
     return progress
+
+
+def name_leftovers(folder: Path) -> None:
+    """Says on standard error which journals sessions left in a folder where another is about to begin, and what saves them."""
+    from haptics.recording.leftovers import left_journal, leftovers
+
+    for journal in leftovers(folder):
+        with suppress(OSError):
+            print(f"haptics: {left_journal(journal)}", file=sys.stderr)
 
 
 def _cell(value: Any) -> str:

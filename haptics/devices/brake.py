@@ -2,6 +2,7 @@
 
 One supply, so one amplitude for all outputs that are on (``docs/decisions/0003-one-supply-one-amplitude.md``). Every drive
 command has a time to live; the driver refreshes it while a brake is wanted, so that volts fall by themselves when it stops.
+What is wanted is wanted while the board is armed: disarmed, the driver forgets it, and refuses what is asked for.
 """
 
 from __future__ import annotations
@@ -9,15 +10,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from haptics.devices.pace import COMMAND_LEAD_NS
 from haptics.errors import ClockUncertain, InputError
-from haptics.link.commands import Pending
+from haptics.link.commands import Pending, status_name
 from haptics.link.connection import Link
-from haptics.link.messages import Status
 from haptics.time import NS_PER_MS, seconds_to_ns
 from haptics.units import in_range
 
-COMMAND_LEAD_NS = 3 * NS_PER_MS
-"""A command leaves the host this long before it acts."""
+LONGEST_PIEZO_S = 1.0
+"""The longest that a piezo is asked to vibrate at a time."""
 
 
 @dataclass(slots=True)
@@ -31,7 +32,7 @@ class _Hold:
 
 @dataclass(frozen=True, slots=True)
 class Refusal:
-    """A command that the board did not carry out."""
+    """A command that the board did not carry out, or did not get: ``unarmed``."""
 
     command: str
     reason: str
@@ -45,7 +46,7 @@ class BrakeDriver:
     :param channels: what each output drives, in channel order.
     :param frequency_hz: bipolar square wave, Hz.
     :param ttl_s: life of one drive command, s; refreshed at a third of it.
-    :param max_amplitude_v: refused above this, V.
+    :param max_amplitude_v: refused above this, V. :param max_frequency_hz: likewise, Hz.
     """
 
     def __init__(
@@ -55,19 +56,23 @@ class BrakeDriver:
         frequency_hz: float = 20.0,
         ttl_s: float = 0.2,
         max_amplitude_v: float = 1500.0,
+        max_frequency_hz: float = 1000.0,
     ):
         self.link = link
         self.channels = tuple(channels)
+        self.max_amplitude_v, self.max_frequency_hz = max_amplitude_v, max_frequency_hz
         self._index = {name: i for i, name in enumerate(self.channels)}
-        self._frequency_dhz = _decihertz(frequency_hz)
+        self._frequency_dhz = self._decihertz(frequency_hz)
         self._ttl_ns = seconds_to_ns(in_range("ttl_s", ttl_s, 0.01, 60.0, "s"))
-        self._max_amplitude_v = max_amplitude_v
+        self._armed = False
         self._holds: dict[int, _Hold] = {}
         self._refresh_ns = 0
         self._next_end_ns: int | None = None
         self._changed = False
         self._replies: list[tuple[str, Pending, int]] = []
         self._refusals: list[Refusal] = []
+        self.commands = 0
+        """Commands tried so far, refused or not."""
 
     def engage(
         self,
@@ -77,15 +82,18 @@ class BrakeDriver:
         ttl_s: float | None = None,
         frequency_hz: float | None = None,
     ) -> None:
-        """Volts on one output, as soon as possible, until :meth:`release`, or for ``ttl_s``.
+        """Volts on one output, as soon as possible, until :meth:`release`, or for ``ttl_s``; refused while ``unarmed``.
 
         :param frequency_hz: of the square wave; the driver's own if None. Outputs that are on together share the highest.
-        :raises InputError: unknown output, volts outside 0 to the limit, or a frequency outside 0.1 to 1000 Hz.
+        :raises InputError: unknown output, volts outside 0 to the limit, or a frequency outside 0.1 Hz to the limit.
         """
         index = self._index_of(name)
-        amplitude_v = in_range("amplitude_v", amplitude_v, 0.0, self._max_amplitude_v, "V")
+        amplitude_v = in_range("amplitude_v", amplitude_v, 0.0, self.max_amplitude_v, "V")
         until_ns = None if ttl_s is None else now_ns + seconds_to_ns(in_range("ttl_s", ttl_s, 0.001, 60.0, "s"))
-        frequency_dhz = self._frequency_dhz if frequency_hz is None else _decihertz(frequency_hz)
+        frequency_dhz = self._frequency_dhz if frequency_hz is None else self._decihertz(frequency_hz)
+        if not self._armed:
+            self._refusals.append(Refusal("drive", "unarmed", now_ns))
+            return
         self._holds[index] = _Hold(amplitude_v, until_ns, frequency_dhz)
         self._changed = True
         self._plan_end()
@@ -107,15 +115,27 @@ class BrakeDriver:
             self._plan_end()
 
     def piezo(self, names: Sequence[str], duration_s: float, now_ns: int, at_ns: int | None = None) -> None:
-        """Vibrate the fingertip piezos of these outputs' fingers (0.3 s when a grasp begins; thesis 4.6.1).
+        """Vibrate the fingertip piezos of these outputs' fingers (0.3 s when a grasp begins; thesis 4.6.1), unless ``unarmed``.
 
         :raises InputError: unknown output, or a duration outside 1 ms to 1 s.
         """
         mask = sum(1 << self._index_of(name) for name in names)
-        duration_ms = round(in_range("duration_s", duration_s, 0.001, 1.0, "s") * 1000)
+        duration_ms = round(in_range("duration_s", duration_s, 0.001, LONGEST_PIEZO_S, "s") * 1000)
         soonest_ns = now_ns + COMMAND_LEAD_NS
         start_ns = soonest_ns if at_ns is None else max(soonest_ns, at_ns)
+        if not self._armed:
+            self._refusals.append(Refusal("piezo", "unarmed", now_ns))
+            return
         self._send("piezo", now_ns, start_ns, mask, duration_ms)
+
+    def set_armed(self, armed: bool) -> None:
+        """The board was armed, or is no longer. Either way nothing is wanted, and no answer is waited for any more."""
+        self._read_replies()
+        self._refusals += [Refusal(name, "unarmed", sent_ns) for name, _, sent_ns in self._replies]
+        self._replies.clear()
+        self._holds.clear()
+        self._changed, self._next_end_ns = False, None
+        self._armed = armed
 
     def tick(self, now_ns: int) -> None:
         """Send changes and refreshes that are due, and note refusals."""
@@ -129,12 +149,12 @@ class BrakeDriver:
             self._read_replies()
 
     def take_refusals(self) -> list[Refusal]:
-        """Commands the board refused or never answered since the last call."""
+        """Commands refused, by the board or as unarmed, or never answered, since the last call."""
         refusals, self._refusals = self._refusals, []
         return refusals
 
     def engaged(self) -> dict[str, float]:
-        """Output name to volts, for those that are on. The bus has the highest of them."""
+        """Output name to volts, for those that are wanted on. The bus has the highest of them."""
         return {self.channels[i]: hold.amplitude_v for i, hold in self._holds.items()}
 
     @property
@@ -146,6 +166,9 @@ class BrakeDriver:
         if name not in self._index:
             raise InputError(f"brake = {name!r} is unknown; allowed: {', '.join(self.channels)}")
         return self._index[name]
+
+    def _decihertz(self, frequency_hz: float) -> int:
+        return round(in_range("frequency_hz", frequency_hz, 0.1, self.max_frequency_hz, "Hz") * 10)
 
     def _plan_end(self) -> None:
         ends = [hold.until_ns for hold in self._holds.values() if hold.until_ns is not None]
@@ -162,10 +185,11 @@ class BrakeDriver:
         self._send("drive", now_ns, start_ns, mask, amplitude_v, frequency_dhz, ttl_ms)
 
     def _send(self, name: str, now_ns: int, start_ns: int, *values: int) -> None:
+        self.commands += 1
         try:
             ticks = self.link.to_ticks(start_ns)
-        except ClockUncertain as error:
-            self._refusals.append(Refusal(name, str(error), now_ns))
+        except ClockUncertain:
+            self._refusals.append(Refusal(name, "clock", now_ns))
             return
         self._replies.append((name, self.link.send(name, ticks, *values, now_ns=now_ns), now_ns))
 
@@ -176,10 +200,6 @@ class BrakeDriver:
                 waiting.append((name, pending, sent_ns))
             elif pending.error is not None:
                 self._refusals.append(Refusal(name, str(pending.error), sent_ns))
-            elif pending.status != Status.OK:
-                self._refusals.append(Refusal(name, Status(pending.status).name.lower(), sent_ns))
+            elif not pending.ok:
+                self._refusals.append(Refusal(name, status_name(pending.status), sent_ns))
         self._replies = waiting
-
-
-def _decihertz(frequency_hz: float) -> int:
-    return round(in_range("frequency_hz", frequency_hz, 0.1, 1000.0, "Hz") * 10)

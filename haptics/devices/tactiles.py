@@ -1,7 +1,8 @@
 """Driver of the tactor array (protocol: ``pulse``, ``cancel``, ``tactiles_telemetry`` in ``docs/reference/protocol.md``).
 
 Turns "contact here", "pulse there" into coil pulses on the board's clock. Heat, current and priorities are the scheduler's;
-what the board itself refuses comes back as a denial with the board's reason. Takes an open link; never sleeps.
+what the board itself refuses comes back as a denial with the board's reason. What is asked for lives while the board is armed:
+disarmed, all of it is denied and forgotten, and nothing of it plays after the next arming. Takes an open link; never sleeps.
 """
 
 from __future__ import annotations
@@ -9,20 +10,22 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from haptics.errors import ClockUncertain, InputError
-from haptics.link.commands import Pending
+from haptics.devices.coil_commands import CoilCommands
+from haptics.devices.pace import COMMAND_LEAD_NS, SHORTEST_LEAD_NS, TickSpacing
+from haptics.devices.pins import Pin
+from haptics.errors import InputError
 from haptics.link.connection import Link
-from haptics.link.messages import COIL_CHANNELS, DURATION_UNIT_US, Status
 from haptics.physics.latch import PULSE_BACK_S, PULSE_TOWARD_S, TRAIN_BACK_S, TRAIN_TOWARD_S
 from haptics.scheduling import CoilLimits, CoilPulse, Outcome, Priority, Request, Scheduler, Stroke, ThermalBudget
 from haptics.time import NS_PER_MS, seconds_to_ns
 
-COMMAND_LEAD_NS = 3 * NS_PER_MS
-"""A pulse leaves the host this long before it starts: a tick, three frames at 500 kbaud, and the error of the clock."""
-
-
-WORTH_ANOTHER_TRY = ("late", "full", "clock")
+WORTH_ANOTHER_TRY = ("late", "full", "clock", "company")
 """A pin that a board did not move for one of these reasons is asked to move again, as long as that is still wanted."""
+RELEASE_AGAIN_NS = {"unknown": 0, "hot": 250 * NS_PER_MS}
+"""A release is asked for again for these reasons too, after this long: a pin is not left out."""
+_STROKES_OF_PINS = (Priority.CONTACT, Priority.RELEASE)
+TELLING_NS = 50 * NS_PER_MS
+"""A board that disarmed itself has said so after this long, by telemetry at the latest: later strokes may not have played."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,17 +38,6 @@ class Result:
     reason: str | None
     requested_ns: int
     start_ns: int | None
-
-
-class _InFlight:
-    """A request whose strokes have been sent and whose replies are awaited."""
-
-    __slots__ = ("outcome", "refused", "waiting")
-
-    def __init__(self) -> None:
-        self.waiting = 0
-        self.refused: str | None = None
-        self.outcome: Outcome | None = None
 
 
 class TactilesDriver:
@@ -71,24 +63,26 @@ class TactilesDriver:
         self.budgets = tuple(budgets)
         self._channel = {site: channel for channel, site in enumerate(self.sites)}
         self._scheduler = Scheduler(len(self.sites), limits, self.budgets)
-        self._pin_out = [False] * len(self.sites)
-        self._wanted_out = [False] * len(self.sites)
-        self._again: list[int] = []
+        self._pins = [Pin() for _ in self.sites]
+        self._armed = False
+        self._spacing = TickSpacing()
+        self._now_ns = 0
+        self._again: dict[int, int] = {}
         self._contact = (Stroke(True, contact_pulse_s),)
         self._release = (Stroke(False, contact_pulse_s),)
         self._pulse = (Stroke(True, PULSE_TOWARD_S), Stroke(False, PULSE_BACK_S))
         self._cycle = (Stroke(True, TRAIN_TOWARD_S), Stroke(False, TRAIN_BACK_S))
         self._requests: dict[int, Request] = {}
-        self._flying: dict[int, _InFlight] = {}
-        self._replies: list[tuple[Pending, list[int]]] = []
-        self._later: list[tuple[int, str]] = []
+        self._outcomes: dict[int, Outcome] = {}  # of those whose commands were not all answered
+        self._commands = CoilCommands(link)
+        self._later: list[tuple[int, str, int]] = []
         self._next_token = 0
         self._results: list[Result] = []
-        self.busy_until_ns = 0
-        """When the last coil pulse sent so far ends."""
+        self.overdue = 0
+        """Pulses asked for when their time had passed: their loop was ticked too seldom."""
 
     def contact(self, site: str, now_ns: int, at_ns: int | None = None) -> bool:
-        """Bring the pin of ``site`` to the skin, where it stays. False if it is out (or on its way) already.
+        """Bring the pin of ``site`` to the skin, where it stays. False if it is out, or on its way, already.
 
         :param at_ns: wanted start of the coil pulse; as soon as possible if None or too near.
         :raises InputError: no actuator sits at this site.
@@ -96,7 +90,7 @@ class TactilesDriver:
         return self._set_pin(site, True, now_ns, at_ns)
 
     def release(self, site: str, now_ns: int, at_ns: int | None = None) -> bool:
-        """Withdraw the pin of ``site``. False if it is in already.
+        """Withdraw the pin of ``site``. False if it is in, or on its way, already; a contact that waits is given up then.
 
         :raises InputError: no actuator sits at this site.
         """
@@ -110,10 +104,11 @@ class TactilesDriver:
         :raises InputError: no actuator sits at this site.
         """
         channel = self._channel_of(site)
-        if self._in_contact(channel):
-            self._results.append(Result(site, "pulse", False, "contact", now_ns, None))
+        self.overdue += at_ns is not None and at_ns < now_ns
+        if at_ns is not None and self._armed and self._spacing.lead_ns > COMMAND_LEAD_NS:
+            self._play_later([(at_ns, site, now_ns)])  # others of this site may come before it, until the next tick
         else:
-            self._submit(channel, Priority.PULSE, self._pulse, now_ns, at_ns)
+            self._ask_pulse(channel, now_ns, at_ns)
 
     def train(self, site: str, count: int, period_ns: int, now_ns: int) -> None:
         """``count`` pulses, one each ``period_ns``; each is a request of its own.
@@ -121,9 +116,11 @@ class TactilesDriver:
         :raises InputError: no actuator sits at this site.
         """
         self._channel_of(site)
+        if not self._armed:
+            self._results += [Result(site, "pulse", False, "unarmed", now_ns, None)] * count
+            return
         first_ns = now_ns + COMMAND_LEAD_NS
-        self._later += [(first_ns + i * period_ns, site) for i in range(count)]
-        self._later.sort()
+        self._play_later([(first_ns + i * period_ns, site, now_ns) for i in range(count)])
 
     def burst(self, site: str, cycles: int, now_ns: int, at_ns: int | None = None) -> None:
         """``cycles`` cycles of 5 ms, 200 Hz; may be cut at the end of a cycle by something more urgent.
@@ -134,60 +131,102 @@ class TactilesDriver:
         if not 1 <= cycles <= 10:
             raise InputError(f"cycles = {cycles} is not allowed; allowed: 1 to 10 (a burst lasts at most 50 ms)")
         channel = self._channel_of(site)
-        if self._in_contact(channel):
+        if self._armed and self._in_contact(channel):
             self._results.append(Result(site, "burst", False, "contact", now_ns, None))
         else:
             self._submit(channel, Priority.BURST, self._cycle * cycles, now_ns, at_ns)
 
     def tick(self, now_ns: int) -> None:
-        """Send what is due within the command lead and note what the board answered."""
-        while self._later and self._later[0][0] <= now_ns + COMMAND_LEAD_NS:
-            at_ns, site = self._later.pop(0)
-            self.pulse(site, now_ns, at_ns)
+        """Send what is due until the next tick and the command lead after it, and note what the board answered.
+
+        Best every millisecond. Called less often it sends that much farther ahead, at 30 Hz still all of it in time.
+        """
+        self._now_ns = now_ns
+        self._spacing.observe(now_ns)
+        first_ns, last_ns = now_ns + SHORTEST_LEAD_NS, now_ns + self._spacing.lead_ns
         if self._again:
-            again, self._again = self._again, []
-            for channel in again:
-                self._set_pin(self.sites[channel], self._wanted_out[channel], now_ns, None)
-        pulses, outcomes = self._scheduler.step(now_ns, now_ns + COMMAND_LEAD_NS)
+            self._try_again(now_ns)
+        pulses: list[CoilPulse] = []
+        outcomes: list[Outcome] = []
+        while self._later and self._later[0][0] <= last_ns:
+            at_ns, site, _ = self._later.pop(0)
+            self.overdue += at_ns < now_ns
+            if at_ns > first_ns:  # give out what comes before, so that this one does not replace it
+                self._give_out(first_ns, at_ns - 1, pulses, outcomes)
+            self._ask_pulse(self._channel[site], now_ns, at_ns)
+        self._give_out(first_ns, last_ns, pulses, outcomes)
         if pulses:
-            self._send(pulses, now_ns)
+            self._commands.send(pulses, now_ns)
         for outcome in outcomes:
             self._settle(outcome)
-        if self._replies:
-            self._read_replies()
+        if not self._commands.idle:
+            for token in self._commands.read():
+                self._close(token)
+
+    def _try_again(self, now_ns: int) -> None:
+        for channel in [channel for channel, due_ns in self._again.items() if due_ns <= now_ns]:
+            del self._again[channel]
+            self._set_pin(self.sites[channel], self._pins[channel].wanted_out, now_ns, None)
+
+    def _give_out(self, first_ns: int, last_ns: int, pulses: list[CoilPulse], outcomes: list[Outcome]) -> None:
+        more_pulses, more_outcomes = self._scheduler.step(first_ns, last_ns)
+        pulses += more_pulses
+        outcomes += more_outcomes
 
     def take_results(self) -> list[Result]:
         """Results since the last call; every request gives exactly one, sooner or later."""
         results, self._results = self._results, []
         return results
 
-    def set_armed(self, armed: bool) -> None:
-        """The board was armed, or is no longer: without, every request is denied, ``unarmed``."""
-        for outcome in self._scheduler.set_armed(armed):
+    def set_armed(self, armed: bool, sure_until_ns: int | None = None) -> None:
+        """The board was armed, or is no longer: without, every request is denied, ``unarmed``. Either way nothing is wanted.
+
+        :param sure_until_ns: strokes that end later may not have played: the board was made safe then, or perhaps was.
+        """
+        self._again.clear()
+        self._deny_later("unarmed")
+        for pin in self._pins:
+            pin.wanted_out = False
+        for outcome in self._scheduler.set_armed(False):
             self._settle(outcome)
+        for token in [*self._commands.read(), *self._commands.give_up()]:
+            self._close(token)
+        if sure_until_ns is not None:
+            for pin in self._pins:
+                pin.doubt(sure_until_ns)
+        self._armed = armed
+        self._scheduler.set_armed(armed)
 
     def withdraw_all(self, now_ns: int) -> None:
-        """Release every pin that is out: the first step of going off."""
-        for site, out in zip(self.sites, self._pin_out, strict=True):
-            if out:
+        """Release every pin that is out, may be out, or is on its way: the first step of going off."""
+        for site, pin in zip(self.sites, self._pins, strict=True):
+            if pin.heading is not False:
                 self.release(site, now_ns)
 
     def end(self, reason: str) -> None:
-        """Deny whatever has not started, with ``reason``."""
-        for _, site in self._later:
-            self._results.append(Result(site, "pulse", False, reason, 0, None))
-        self._later.clear()
+        """Deny whatever has not started, with ``reason``, and want nothing any more."""
+        self._again.clear()
+        self._deny_later(reason)
         for outcome in self._scheduler.stop(reason):
             self._settle(outcome)
 
+    def _deny_later(self, reason: str) -> None:
+        self._results += [Result(site, "pulse", False, reason, asked_ns, None) for _, site, asked_ns in self._later]
+        self._later.clear()
+
     @property
     def idle(self) -> bool:
-        """Nothing waits to be scheduled, sent or answered."""
-        return not self._requests and not self._replies
+        """Nothing waits to be scheduled, sent, answered or tried again."""
+        return not self._requests and self._commands.idle and not self._again
+
+    @property
+    def busy_until_ns(self) -> int:
+        """When the last coil pulse sent so far ends."""
+        return self._commands.busy_until_ns
 
     def pins_out(self) -> tuple[bool, ...]:
-        """Per channel: whether the pin was last told to be out."""
-        return tuple(self._pin_out)
+        """Per channel: whether the pin is out by its last stroke that a board acknowledged; where nobody knows, it may be."""
+        return tuple(pin.out is not False for pin in self._pins)
 
     def rises_k(self, now_ns: int) -> list[float]:
         """Per channel: temperature rise by the thermal budget, K."""
@@ -197,11 +236,19 @@ class TactilesDriver:
         """Per channel: room under the limit of the rise, K."""
         return self._scheduler.headroom_k(now_ns)
 
+    def _play_later(self, pulses: list[tuple[int, str, int]]) -> None:
+        self._later += pulses
+        self._later.sort()
+
+    def _ask_pulse(self, channel: int, now_ns: int, at_ns: int | None) -> None:
+        if self._armed and self._in_contact(channel):
+            self._results.append(Result(self.sites[channel], "pulse", False, "contact", now_ns, None))
+        else:
+            self._submit(channel, Priority.PULSE, self._pulse, now_ns, at_ns)
+
     def _in_contact(self, channel: int) -> bool:
-        """The pin is out, or its release waits: a newer request would take the release's place."""
-        return self._pin_out[channel] or any(
-            request.channel == channel and request.priority is Priority.RELEASE for request in self._requests.values()
-        )
+        """The pin is out, or a contact or release is under way: a newer request would take its place."""
+        return self._pins[channel].moving or self._pins[channel].out is not False
 
     def _channel_of(self, site: str) -> int:
         if site not in self._channel:
@@ -210,10 +257,14 @@ class TactilesDriver:
 
     def _set_pin(self, site: str, out: bool, now_ns: int, at_ns: int | None) -> bool:
         channel = self._channel_of(site)
-        self._wanted_out[channel] = out
-        if self._pin_out[channel] == out:
-            return False
-        self._pin_out[channel] = out
+        pin = self._pins[channel]
+        if self._armed:
+            pin.wanted_out = out
+            if not out:
+                for outcome in self._scheduler.withdraw_contact(channel, now_ns):
+                    self._settle(outcome)
+            if pin.heading is out:
+                return False
         priority, strokes = (Priority.CONTACT, self._contact) if out else (Priority.RELEASE, self._release)
         self._submit(channel, priority, strokes, now_ns, at_ns)
         return True
@@ -230,80 +281,37 @@ class TactilesDriver:
             token=self._next_token,
         )
         self._requests[self._next_token] = request
+        if priority in _STROKES_OF_PINS:
+            self._pins[channel].ask(self._next_token, priority is Priority.CONTACT)
         self._next_token += 1
         for outcome in self._scheduler.submit(request, now_ns):
             self._settle(outcome)
 
-    def _send(self, pulses: list[CoilPulse], now_ns: int) -> None:
-        together: dict[int, list[CoilPulse]] = {}
-        for pulse in pulses:
-            together.setdefault(pulse.start_ns, []).append(pulse)
-        for start_ns, group in sorted(together.items()):
-            channels = toward = 0
-            durations = [0] * COIL_CHANNELS
-            for pulse in group:
-                bit = 1 << pulse.channel
-                channels |= bit
-                toward |= bit if pulse.toward_skin else 0
-                durations[pulse.channel] = round(pulse.duration_s * 1e6 / DURATION_UNIT_US)
-                self.busy_until_ns = max(self.busy_until_ns, start_ns + seconds_to_ns(pulse.duration_s))
-            tokens = [pulse.token for pulse in group if isinstance(pulse.token, int)]
-            try:
-                ticks = self.link.to_ticks(start_ns)
-            except ClockUncertain:
-                for token in tokens:
-                    self._flying.setdefault(token, _InFlight()).refused = "clock"
-                continue
-            pending = self.link.send("pulse", ticks, channels, toward, durations, now_ns=now_ns)
-            for token in tokens:
-                self._flying.setdefault(token, _InFlight()).waiting += 1
-            self._replies.append((pending, tokens))
-
-    def _read_replies(self) -> None:
-        waiting: list[tuple[Pending, list[int]]] = []
-        for pending, tokens in self._replies:
-            if not pending.done:
-                waiting.append((pending, tokens))
-                continue
-            refused = None
-            if pending.error is not None:
-                refused = "unknown"
-            elif pending.status != Status.OK:
-                refused = Status(pending.status).name.lower()
-            for token in tokens:
-                flying = self._flying[token]
-                flying.waiting -= 1
-                flying.refused = flying.refused or refused
-                self._close(token)
-        self._replies = waiting
-
     def _settle(self, outcome: Outcome) -> None:
         token = outcome.request.token
         assert isinstance(token, int)  # ours
-        flying = self._flying.setdefault(token, _InFlight())
-        flying.outcome = outcome
+        self._outcomes[token] = outcome
         self._close(token)
 
     def _close(self, token: int) -> None:
-        flying = self._flying[token]
-        outcome = flying.outcome
-        if outcome is None or flying.waiting:
+        """The result of a request, once scheduler and board have both said theirs."""
+        if token not in self._outcomes or self._commands.waits_for(token):
             return
-        del self._flying[token]
-        request = self._requests.pop(token)
-        played = outcome.played and flying.refused is None
-        reason = None if played else (flying.refused or outcome.reason)
-        if not played and request.priority in (Priority.CONTACT, Priority.RELEASE) and reason != "superseded":
-            self._pin_out[request.channel] = request.priority is Priority.RELEASE
+        outcome, request = self._outcomes.pop(token), self._requests.pop(token)
+        refused = self._commands.take_refusal(token)
+        reason = outcome.reason if not outcome.played else refused
+        played = reason is None
+        if request.priority in _STROKES_OF_PINS:
+            self._settle_pin(token, request, outcome, reason)
+        site, kind = self.sites[request.channel], request.priority.name.lower()
+        self._results.append(Result(site, kind, played, reason, request.submitted_ns, outcome.start_ns))
+
+    def _settle_pin(self, token: int, request: Request, outcome: Outcome, reason: str | None) -> None:
+        pin, out = self._pins[request.channel], request.priority is Priority.CONTACT
+        ends_ns = (outcome.start_ns or 0) + seconds_to_ns(request.strokes[0].duration_s)
+        pin.settle(token, None if reason == "unknown" else reason is None, ends_ns)
+        if self._armed and pin.wanted_out is out:
             if reason in WORTH_ANOTHER_TRY:
-                self._again.append(request.channel)
-        self._results.append(
-            Result(
-                self.sites[request.channel],
-                request.priority.name.lower(),
-                played,
-                reason,
-                request.submitted_ns,
-                outcome.start_ns,
-            )
-        )
+                self._again[request.channel] = self._now_ns
+            elif reason in RELEASE_AGAIN_NS and not out:
+                self._again[request.channel] = self._now_ns + RELEASE_AGAIN_NS[reason]

@@ -13,7 +13,7 @@ from haptics.garments.design.rating import solved
 from haptics.garments.mesh import SurfaceMesh
 from haptics.garments.mesh_files import write_obj, write_ply, write_surface
 from haptics.garments.pattern import Pattern, PatternOptions, make_pattern, write_pattern
-from haptics.recording.output import refuse_existing
+from haptics.recording.output import check_outputs, make_folder
 from haptics.units import one_of
 
 
@@ -108,12 +108,8 @@ def export_design(
     sim, settings = kept.worn.simulation, kept.settings
     name = kept.worn.garment.name
     stem = f"{name}-{number:03d}"
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{out}: no folder can be made there ({error.strerror or error})") from error
-    for suffix in (".obj", ".mtl", ".ply", ".svg", ".dxf"):
-        refuse_existing(out / f"{stem}{suffix}", force)
+    make_folder(out)
+    check_outputs({suffix: out / f"{stem}{suffix}" for suffix in (".obj", ".mtl", ".ply", ".svg", ".dxf")}, force)
     labels = {
         "body": settings["body"] + "".join(f", {name} {value:g}" for name, value in sorted(settings["phenotype"].items())),
         "motion": f"{settings['motion']} by {settings['angle_deg']:g} degrees",

@@ -9,12 +9,14 @@ import numpy as np
 
 from haptics.errors import InputError
 from haptics.garments.mesh import SMALLEST_AREA_M2, WORN, Bools, Floats, Ints, SurfaceMesh, checked_mesh
-from haptics.meshes import AXES, UNITS, WORDS, best_fit, cleaned, in_frame, read_triangles, size_fault
+from haptics.meshes import AXES, UNITS, WORDS, best_fit, cleaned, extent_of, in_frame, read_triangles, size_fault
 from haptics.recording.output import refuse_existing, replacing
 from haptics.units import one_of
 
 NEAR_M = 0.04
 """Most of a garment lies so near to points of the body it was drawn around: 3 cm, and half the space between these points."""
+LOOSE_M = 0.1
+"""So near lies what was drawn around the body but too loosely, with the axis up that was. Assumed."""
 LOWEST_COLOUR, HIGHEST_COLOUR = np.array([68, 1, 84]), np.array([253, 231, 37])
 """Vertex colours for no energy and for the most: dark violet to yellow, readable in grey and by the colour-blind."""
 BRIGHTEST = 0.98
@@ -44,7 +46,7 @@ def read_mesh(
         one_of("units", units, tuple(UNITS))
     if up is not None:
         one_of("up", up, AXES)
-    vertices, triangles = read_triangles(path, extra="garment")
+    vertices, triangles = read_triangles(path)
     used = vertices[np.unique(triangles)]
     quarters = 0 if around_m is None else _quarters(path, used, units, up, around_m, say)
     fault = size_fault(used, WORN, UNITS[units or "m"])
@@ -71,13 +73,19 @@ def _quarters(path: Path, points: Floats, units: str | None, up: str | None, aro
         if said.distance_m <= NEAR_M:
             say(f"{path.name}: turned by {90 * said.quarter_turns} degrees about the vertical, to lie on the body")
             return said.quarter_turns
-    found = best_fit(points, around_m)
-    if found.distance_m > NEAR_M:
+    across = extent_of(points)
+    found = best_fit(points, around_m, [one for one in UNITS if WORN.has(across * UNITS[one])] or [unit])
+    straight = best_fit(points, around_m, (found.unit,), (found.up,), (0,))
+    found = straight if straight.distance_m <= NEAR_M else found
+    if found.distance_m > NEAR_M:  # too loose: units that shrink it would bring it nearer, axes alone would not
+        found = best_fit(points, around_m, (unit,))
+    if found.distance_m > LOOSE_M or (found.distance_m > NEAR_M and (found.up == axis or found.distance_m > said.distance_m / 2)):
+        if units is None or up is None:
+            say(f"{path.name}: taken to be in {WORDS[unit]}, {axis} up; in no units and axes does most of it lie on the body")
         return 0
     seen, cure = [], []
     if found.unit != unit:
-        across_m = UNITS[unit] * float(np.ptp(points, axis=0).max())
-        seen.append(f"it is {across_m:.4g} m across; drawn in {WORDS[found.unit]} it lies on the body")
+        seen.append(f"it is {UNITS[unit] * across:.4g} m across; drawn in {WORDS[found.unit]} it lies on the body")
     if found.up != axis:
         seen.append(f"it looks {found.up} up; this body is z up" + ("" if up is None else f", and {up} was said to be"))
     elif found.quarter_turns:

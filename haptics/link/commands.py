@@ -98,11 +98,13 @@ class CommandWindow:
     :param size: commands open at a time, 1 to 8.
     :param timeout_ns: time from sending to repeating.
     :param tries: times a command is sent before it is given up.
+
+    ``timeout_ns`` may be changed for a line that turns out to be slow.
     """
 
     def __init__(self, port: str, size: int, timeout_ns: int, tries: int):
-        self._port, self._size, self._timeout_ns, self._tries = port, size, timeout_ns, tries
-        self._waiting: deque[tuple[Pending, int]] = deque()  # with its number of tries
+        self._port, self._size, self.timeout_ns, self._tries = port, size, timeout_ns, tries
+        self._waiting: deque[tuple[Pending, int, int]] = deque()  # with its number of tries, and when it comes too late
         self._open: dict[int, _Open] = {}  # by number, oldest first
         self._alone: Pending | None = None
         self._next_index = 0
@@ -120,9 +122,13 @@ class CommandWindow:
             self._alone = None
         return self._alone
 
-    def submit(self, pending: Pending) -> None:
-        """Queue a command behind those that wait."""
-        self._waiting.append((pending, self._tries))
+    def submit(self, pending: Pending, latest_ns: int = NEVER_NS) -> None:
+        """Queue a command behind those that wait.
+
+        :param latest_ns: a command that still waits then is not sent, and ends as ``late``: a queue that has once grown
+            longer than the line is fast would else make everything late for ever.
+        """
+        self._waiting.append((pending, self._tries, latest_ns))
 
     def submit_alone(self, pending: Pending, tries: int, reason: str) -> Pending:
         """Pass every queue: all that waits or is open fails with ``reason`` and is not repeated; what comes later waits.
@@ -131,12 +137,12 @@ class CommandWindow:
         """
         under_way = self.alone
         if under_way is not None:
-            later = [waiting for waiting, _ in self._waiting]
+            later = [waiting for waiting, *_ in self._waiting]
             self._waiting.clear()
             self._fail(later, LinkError, reason)
             return under_way
         self.fail_all(LinkError, reason)
-        self._waiting.append((pending, tries))
+        self._waiting.append((pending, tries, NEVER_NS))
         self._alone = pending
         return pending
 
@@ -145,7 +151,11 @@ class CommandWindow:
         if now_ns >= self.next_due_ns:
             self._repeat(now_ns, emit, hold)
         while self._waiting and not hold and self._room():
-            self._send(*self._waiting.popleft(), now_ns, emit)
+            pending, tries_allowed, latest_ns = self._waiting.popleft()
+            if latest_ns < now_ns:
+                pending.answer(Status.LATE, 0, None)
+            else:
+                self._send(pending, tries_allowed, now_ns, emit)
 
     def _room(self) -> bool:
         if not self._open:
@@ -156,7 +166,7 @@ class CommandWindow:
     def _send(self, pending: Pending, tries_allowed: int, now_ns: int, emit: Callable[[bytes], None]) -> None:
         number = 1 + self._next_index % _NUMBERS
         frame = encode_frame(BY_NAME[pending.name].type, number, pending.payload)
-        due_ns = now_ns + self._timeout_ns
+        due_ns = now_ns + self.timeout_ns
         self._open[number] = _Open(pending, self._next_index, frame, tries_allowed, 1, due_ns)
         self._next_index += 1
         self.next_due_ns = min(self.next_due_ns, due_ns)
@@ -170,13 +180,13 @@ class CommandWindow:
             if command.tries >= command.tries_allowed:
                 del self._open[number]
                 self.given_up += 1
-                waited_ms = command.tries * self._timeout_ns / NS_PER_MS
+                waited_ms = command.tries * self.timeout_ns / NS_PER_MS
                 seen = f"no reply to {command.tries} tries in {waited_ms:g} ms; whether it was carried out is unknown"
                 advice = "check cable and power; telemetry shows what the board did"
                 command.pending.fail(ReplyTimeout(self._port, seen, command.pending.name, advice))
                 continue
             command.tries += 1
-            command.due_ns = now_ns + self._timeout_ns
+            command.due_ns = now_ns + self.timeout_ns
             if not hold:
                 self.retries += 1
                 emit(command.frame)
@@ -202,7 +212,7 @@ class CommandWindow:
 
     def fail_all(self, kind: type[LinkError], reason: str) -> None:
         """Fail what waits and what is open; numbers go on counting, so that no late answer meets a new command."""
-        failed = [command.pending for command in self._open.values()] + [pending for pending, _ in self._waiting]
+        failed = [command.pending for command in self._open.values()] + [pending for pending, *_ in self._waiting]
         self._open.clear()
         self._waiting.clear()
         self.next_due_ns = NEVER_NS

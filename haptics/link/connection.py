@@ -10,7 +10,7 @@ from haptics.link.clock import ClockFit
 from haptics.link.commands import NEVER_NS, Pending
 from haptics.link.events import Event
 from haptics.link.messages import Board
-from haptics.link.ports import BytePort, PortErrors
+from haptics.link.ports import BytePort, PortErrors, read_waiting
 from haptics.link.session import LinkSession
 from haptics.link.simulated import simulated
 
@@ -72,6 +72,16 @@ class Link:
         with self._lock:
             return self.session.to_ticks(host_ns)
 
+    def exact_ticks(self, host_ns: int) -> int:
+        """See ``LinkSession.exact_ticks``."""
+        with self._lock:
+            return self.session.exact_ticks(host_ns)
+
+    @property
+    def shift_ns(self) -> int:
+        """See ``LinkSession.shift_ns``."""
+        return self.session.shift_ns
+
     def to_host_ns(self, ticks: int) -> int:
         """See ``LinkSession.to_host_ns``."""
         with self._lock:
@@ -129,8 +139,7 @@ class Link:
             return
         try:
             with self._reading:
-                count = self.port.in_waiting
-                data = self.port.read(count) if count else b""
+                data = read_waiting(self.port)
         except LinkLost as error:
             self.lose(error, now_ns)
             return
@@ -143,8 +152,7 @@ class Link:
         """
         with self._reading:
             data = self.port.read(1)
-            count = self.port.in_waiting if data else 0
-            return data + self.port.read(count) if count else data
+            return data + read_waiting(self.port) if data else data
 
     def take(self, data: bytes, now_ns: int) -> None:
         """Bytes that were read at ``now_ns``."""

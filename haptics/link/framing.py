@@ -19,6 +19,7 @@ _unstuff: Callable[[bytes], bytes] = cobs.decode  # pyright: ignore[reportUnknow
 
 DELIMITER = b"\x00"
 _OVERHEAD = 4
+_SAMPLE = 32
 FRAMING_BYTES = _OVERHEAD + 2
 """Of every frame beside its payload: type, number, checksum, stuffing, delimiter."""
 LONGEST_FRAME = MAX_PAYLOAD + FRAMING_BYTES
@@ -48,12 +49,16 @@ def encode_frame(type_: int, seq: int, payload: bytes = b"") -> bytes:
 
 
 class Deframer:
-    """Cuts a byte stream into frames and counts what was no frame. Never raises on bytes, never grows without bound."""
+    """Cuts a byte stream into frames and counts what was no frame. Never raises on bytes, never grows without bound.
+
+    ``sample`` is the beginning of the first bytes that were no frame, for a diagnosis; empty it to have a new one.
+    """
 
     def __init__(self) -> None:
         self._buffer = bytearray()
         self._overrun = False
         self.bad_frames = 0
+        self.sample = b""
 
     def feed(self, data: bytes) -> list[Frame]:
         """Frames completed by ``data``, in order; garbage is counted in ``bad_frames`` and dropped."""
@@ -62,6 +67,7 @@ class Deframer:
         for index, piece in enumerate(pieces):
             self._buffer += piece
             if len(self._buffer) >= LONGEST_FRAME:  # without its delimiter a frame is one byte shorter
+                self._keep(self._buffer)
                 self._overrun = True
                 self._buffer.clear()
             if index < len(pieces) - 1:
@@ -81,5 +87,10 @@ class Deframer:
             body = b""
         if len(body) < _OVERHEAD or crc16.ibm_sdlc(body[:-2]) != int.from_bytes(body[-2:], "little"):
             self.bad_frames += 1
+            self._keep(raw)
             return None
         return Frame(body[0], body[1], body[2:-2])
+
+    def _keep(self, garbage: bytes | bytearray) -> None:
+        if not self.sample:
+            self.sample = bytes(garbage[:_SAMPLE])

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
 from functools import cache
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
-from haptics.errors import NotABoard
+from haptics.errors import LinkLost, NotABoard
 from haptics.link.clock import signed_ticks
 from haptics.link.commands import NEVER_NS
 from haptics.link.framing import DELIMITER, encode_frame
@@ -14,6 +16,7 @@ from haptics.link.messages import (
     BY_NAME,
     COIL_CHANNELS,
     DEFAULT_BAUD,
+    LIMIT_NAMES,
     MESSAGES,
     PROTOCOL_VERSION,
     TICK_HZ,
@@ -22,15 +25,25 @@ from haptics.link.messages import (
 )
 from haptics.time import NS_PER_S
 
-_FLASH = "flash the firmware that belongs to this package: make firmware-flash BOARD=tactiles|brake PORT=..."
+FLASH = "flash the firmware that belongs to this package: make firmware-flash BOARD=tactiles|brake PORT=..."
 _CHANNELS: dict[int, int] = {Board.TACTILES: COIL_CHANNELS, Board.BRAKE: BRAKE_CHANNELS}
 _NOT_COMMANDS = ("identify", "sync", "keepalive")
 _SCHEMA_HASH = schema_hash()
+_TEXT = re.compile(rb"[\t\r\n -~]{8}")
 _IDENTIFY = DELIMITER + encode_frame(BY_NAME["identify"].type, 0)  # the delimiter ends whatever noise came before
 
 
 class Seen(Protocol):
     """The counters a diagnosis looks at."""
+
+    bytes_in: int
+    frames_in: int
+    bad_frames: int
+    echoes: int
+
+
+class Before(NamedTuple):
+    """The same counters, as they were when an inquiry began."""
 
     bytes_in: int
     frames_in: int
@@ -46,11 +59,13 @@ class Inquiry:
         self.reason: str | None = None  # why it is being asked; None: nobody asks
         self.tries = 0
         self.due_ns = NEVER_NS
+        self.before = Before(0, 0, 0, 0)
 
-    def begin(self, reason: str, now_ns: int) -> None:
-        """Ask from now on; if that is so already, go on."""
+    def begin(self, reason: str, now_ns: int, seen: Seen) -> None:
+        """Ask from now on; if that is so already, go on. ``seen``: the counters, which are noted as they are now."""
         if self.reason is None:
             self.reason, self.tries, self.due_ns = reason, 0, now_ns
+            self.before = Before(seen.bytes_in, seen.frames_in, seen.bad_frames, seen.echoes)
 
     def end(self) -> None:
         """An answer came, or nobody wants to know any more."""
@@ -79,7 +94,15 @@ def mismatch(identity: Any, expected: Board | None) -> tuple[str, str] | None:
         seen = f"this is the {Board(identity.board).name.lower()} board, not {expected.name.lower()}"
         return seen, "are the two ports swapped?"
     seen = _strange(identity)
-    return None if seen is None else (seen, _FLASH)
+    return None if seen is None else (seen, FLASH)
+
+
+def different_limits(identity: Any, configured: Sequence[int]) -> str | None:
+    """Where a board's limits are not those configured, in words; None where all are."""
+    names = LIMIT_NAMES[Board(identity.board)]
+    rows = zip(names, identity.limits, configured, strict=True)
+    wrong = [f"{name} {kept} {unit}, configured: {asked} {unit}" for (name, unit), kept, asked in rows if kept != asked]
+    return f"it said ok, and keeps to {'; '.join(wrong)}" if wrong else None
 
 
 def _strange(identity: Any) -> str | None:
@@ -97,22 +120,42 @@ def _strange(identity: Any) -> str | None:
 
 
 def diagnosis(port: str, seen: Seen, sample: bytes, tries: int, waited_s: float) -> NotABoard:
-    """The likeliest reason why nobody said who they are, and what to do about it."""
-    asked = f"no identity in {tries} tries ({waited_s:g} s)"
-    if seen.bytes_in == 0:
-        what = "not one byte came back"
+    """The likeliest reason why nobody said who they are, and what to do about it. ``sample``: bytes that came."""
+    what, advice = _heard(seen.bytes_in, seen.frames_in, seen.bad_frames, seen.echoes, sample)
+    return NotABoard(port, f"no identity in {tries} tries ({waited_s:g} s); {what}", "identify", advice)
+
+
+def silence(port: str, seen: Seen, inquiry: Inquiry, sample: bytes) -> LinkLost:
+    """Why a board that was known counts as lost: it says nothing any more, or something that cannot be read."""
+    before = inquiry.before
+    bytes_in, frames_in = seen.bytes_in - before.bytes_in, seen.frames_in - before.frames_in
+    waited = f"{inquiry.waited_s:g} s ({inquiry.reason})"
+    if bytes_in == 0:
+        return LinkLost(port, f"the board fell silent for {waited}", advice="check cable and power")
+    what, advice = _heard(bytes_in, frames_in, seen.bad_frames - before.bad_frames, seen.echoes - before.echoes, sample)
+    return LinkLost(port, f"no answer of the board for {waited}; {what}", advice=advice)
+
+
+def _heard(bytes_in: int, frames_in: int, bad_frames: int, echoes: int, sample: bytes) -> tuple[str, str]:
+    """What came instead of an identity, and what to do about it."""
+    if bytes_in == 0:
         advice = f"check power, cable, that this is the board's port, and the baud rate (boards speak {DEFAULT_BAUD})"
-    elif seen.echoes > 0:
-        what, advice = "what is sent comes back as it is", "this is a loop-back or an echoing terminal, not a board"
-    elif seen.frames_in > 0:
-        what, advice = (
-            f"{seen.frames_in} whole frames came, none of them an identity",
-            "another device, or another firmware, speaks here",
-        )
-    else:
-        what = f"{seen.bytes_in} bytes came, never a whole frame, beginning {sample[:16]!r}"
-        advice = f"the baud rate is probably wrong (boards speak {DEFAULT_BAUD}), or another device speaks here"
-    return NotABoard(port, f"{asked}; {what}", "identify", advice)
+        return "not one byte came back", advice
+    if echoes > 0:
+        return "what is sent comes back as it is", "this is a loop-back or an echoing terminal, not a board"
+    quoted = f", beginning with {sample!r}" if sample else ""
+    strange = f"{bytes_in} bytes came, {frames_in} whole frames and {bad_frames} bad ones{quoted}"
+    if _is_text(sample):
+        return strange, "that is text: does the firmware print messages on this line, or is this another device?"
+    if frames_in > 0:
+        return f"{strange}; none of them an identity", "another device, or another firmware, speaks here"
+    what = f"{bytes_in} bytes came, never a whole frame ({bad_frames} bad ones){quoted}"
+    return what, f"the baud rate is probably wrong (boards speak {DEFAULT_BAUD}), or another device speaks here"
+
+
+def _is_text(sample: bytes) -> bool:
+    """At least eight printable characters in a row: noise has them once in a thousand times."""
+    return _TEXT.search(sample) is not None
 
 
 def after(ticks: int, other: int) -> bool:

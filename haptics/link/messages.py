@@ -24,6 +24,8 @@ BRAKE_CHANNELS = 5
 DURATION_UNIT_US = 50
 DEFAULT_BAUD = 500_000
 MAX_PAYLOAD = 64
+LIMITS = 5  # that a board tells in identity and takes in configure
+HEAT_UNIT_MS = 20  # of a coil's on-time account, in telemetry
 OPEN_COMMANDS = 8  # at most, counted in numbers from the oldest that has no answer
 REMEMBERED_REPLIES = 16  # by a board: an open command may be overtaken by 7 later numbers and 7 repeated earlier ones
 
@@ -33,6 +35,25 @@ class Board(IntEnum):
 
     TACTILES = 1
     BRAKE = 2
+
+
+LIMIT_NAMES: dict[Board, tuple[tuple[str, str], ...]] = {
+    Board.TACTILES: (
+        ("longest pulse", "50 us"),
+        ("coil current", "mA"),
+        ("queue depth", "pulses"),
+        ("least supply voltage", "mV"),
+        ("on-time account", "ms"),
+    ),
+    Board.BRAKE: (
+        ("amplitude", "V"),
+        ("supply current", "uA"),
+        ("frequency", "0.1 Hz"),
+        ("longest ttl", "ms"),
+        ("stored charge", "nC"),
+    ),
+}
+"""Name and unit of each of ``identity.limits``, in their order."""
 
 
 class Status(IntEnum):
@@ -46,6 +67,7 @@ class Status(IntEnum):
     UNKNOWN = 5  # no such message type for this board
     INTERLOCK = 6  # not armed, or a fault is latched
     BAD_VALUE = 7  # a field is outside its limit; ``detail`` is the field's index
+    HOT = 8  # its coils were on for too long of late; ``detail`` is the mask of those coils
 
 
 class State(IntEnum):
@@ -110,7 +132,7 @@ MESSAGES: tuple[Message, ...] = (
         "configure",
         "host",
         _BOTH,
-        (Field("limits", "u16", 4),),
+        (Field("limits", "u16", LIMITS),),
         "Lower this board's limits (same order as identity.limits); raising one is refused.",
     ),
     Message(0x04, "arm", "host", _BOTH, (Field("boot_id", "u32"),), "Arm the board that booted with this id."),
@@ -168,10 +190,10 @@ MESSAGES: tuple[Message, ...] = (
             Field("boot_id", "u32"),
             Field("build", "char", 8),
             Field("dead_man", "u16", unit="ms"),
-            Field("limits", "u16", 4),
+            Field("limits", "u16", LIMITS),
         ),
-        "limits, tactiles: longest pulse (50 us), coil current (mA), queue depth, least voltage (mV); "
-        "brake: amplitude (V), supply current (uA), frequency (0.1 Hz), longest ttl (ms).",
+        "limits, tactiles: longest pulse (50 us), coil current (mA), queue depth, least voltage (mV), on-time account (ms); "
+        "brake: amplitude (V), supply current (uA), frequency (0.1 Hz), longest ttl (ms), stored charge (nC).",
     ),
     Message(
         0x82,
@@ -199,6 +221,7 @@ MESSAGES: tuple[Message, ...] = (
             Field("state", "u8"),
             Field("faults", "u16", unit="mask"),
             Field("played", "u16", COIL_CHANNELS, "pulses begun"),
+            Field("heat", "u8", COIL_CHANNELS, f"{HEAT_UNIT_MS} ms of on-time account"),
             Field("supply", "u16", unit="mV"),
             Field("current", "u16", unit="mA"),
             Field("queued", "u16", unit="pulses"),

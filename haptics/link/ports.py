@@ -11,10 +11,12 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Protocol
+from urllib.parse import urlsplit
 
 import serial
 from serial.tools import list_ports as _serial_ports
@@ -34,10 +36,14 @@ SIMULATED = {
 }
 READ_TIMEOUT_S = 0.005
 WRITE_TIMEOUT_S = 0.25  # a peer that takes nothing for so long is gone; boards made themselves safe after 0.1 s
+SCHEMES = ("sim", "socket", "rfc2217", "hwgrep", "loop")
+"""Kinds of URL that may be opened. pyserial knows more, some of which write files (``spy``) or load any class (``alt``)."""
 _ALLOWED = (
     "sim://tactiles, sim://brake and others (haptics ports lists them), a device (/dev/ttyACM0, COM3), socket://HOST:PORT, "
     "rfc2217://HOST:PORT, hwgrep://TEXT, loop://"
 )
+_MOST_BYTES = 1024
+"""Taken from a port at one go where it does not say how much waits: 20 ms of a line at 500 kbaud."""
 
 if BOARDS_PACKAGE not in serial.protocol_handler_packages:
     serial.protocol_handler_packages.append(BOARDS_PACKAGE)
@@ -86,16 +92,41 @@ def list_ports() -> list[PortInfo]:
     ]
 
 
+def check_port(url: object, name: str = "port") -> str:
+    """``url`` if it names a port of a kind that may be opened. Opens nothing, so that a list can be checked before its first.
+
+    :param name: what the caller calls it.
+    :raises InputError: no text, empty, or a URL of another kind; the message lists what is allowed.
+    """
+    if not isinstance(url, str) or not url.strip() or not url.isprintable():
+        raise InputError(f"{name} = {url!r} is not allowed; allowed: {_ALLOWED}")
+    scheme, found, rest = url.partition("://")
+    if found and scheme not in SCHEMES:
+        raise InputError(f"{name} = {url!r} is of a kind that is not opened ({scheme}://); allowed: {_ALLOWED}")
+    if scheme in ("socket", "rfc2217") and found and not _names_a_host(url):
+        raise InputError(f"{name} = {url!r} is not allowed; expected {scheme}://HOST:PORT, with a port from 1 to 65535")
+    if scheme == "hwgrep" and found and not rest.strip():
+        raise InputError(f"{name} = {url!r} fits any port; expected hwgrep://TEXT, such as a USB serial number")
+    return url
+
+
+def _names_a_host(url: str) -> bool:
+    try:
+        parts = urlsplit(url)
+        return bool(parts.hostname and parts.port)
+    except ValueError:  # no number, or past 65535
+        return False
+
+
 def open_port(url: str, baud: int = DEFAULT_BAUD) -> BytePort:
     """Open a port, exclusively if it is a device, with the short time-outs the runners need.
 
-    :raises InputError: not a port's name, or a URL nobody handles; the message lists what is allowed.
+    :raises InputError: see ``check_port``; or what the kind of port cannot use.
     :raises PortMissing: no such port.
     :raises PortBusy: open elsewhere; the message names the process where that can be found out.
     :raises LinkLost: the operating system would not open it, for instance for want of permission.
     """
-    if not url.strip():
-        raise InputError(f"port = {url!r} is not allowed; allowed: {_ALLOWED}")
+    check_port(url)
     settings: dict[str, Any] = {"baudrate": baud, "timeout": READ_TIMEOUT_S, "write_timeout": WRITE_TIMEOUT_S}
     if "://" not in url:
         settings["exclusive"] = True
@@ -104,13 +135,31 @@ def open_port(url: str, baud: int = DEFAULT_BAUD) -> BytePort:
         return port
     except InputError:
         raise
-    except (ValueError, KeyError) as error:  # KeyError: pyserial's own slip on a bad loop:// query
+    except (ValueError, KeyError, re.error) as error:  # the latter two: pyserial's own slips on loop://?x and hwgrep://(
         if "not known" in str(error):
             missing = f" (is the package {BOARDS_PACKAGE} installed?)" if url.lower().startswith("sim:") else ""
             raise InputError(f"port = {url!r} is of a kind nobody handles{missing}; allowed: {_ALLOWED}") from error
         raise InputError(f"port = {url!r}, baud = {baud!r}: {error}; allowed: {_ALLOWED}") from error
     except _port_errors as error:
         raise _why_not_opened(url, error) from error
+
+
+def read_waiting(port: BytePort) -> bytes:
+    """What has come; waits for nothing.
+
+    ``in_waiting`` says that something is there, not always how much: pyserial's ``socket://`` answers 0 or 1. Where it says 1, it
+    is read and asked again until nothing waits, or a kilobyte has come: a peer that never pauses does not keep its reader.
+
+    :raises OSError: as the port does; see ``PortErrors``.
+    """
+    count = port.in_waiting
+    if count != 1:
+        return port.read(count) if count else b""
+    parts: list[bytes] = []
+    while count and len(parts) < _MOST_BYTES:
+        parts.append(port.read(count))
+        count = port.in_waiting if parts[-1] else 0
+    return b"".join(parts)
 
 
 class PortErrors:
@@ -132,6 +181,11 @@ class PortErrors:
 
 def _why_not_opened(url: str, error: Exception) -> LinkError:
     number = getattr(error, "errno", None)
+    if "expected a string in the form" in str(error):  # pyserial, on options of rfc2217:// and hwgrep:// that it does not know
+        raise InputError(f"port = {url!r}: {error}; allowed: {_ALLOWED}") from error
+    if "://" not in url and (number == errno.EISDIR or "Could not configure port" in str(error)):
+        what = "a folder" if Path(url).is_dir() else "there, but no serial port"
+        return PortMissing(url, f"is {what} ({error})", "open", _there_are())
     if number in (errno.EBUSY, errno.EAGAIN) or "access is denied" in str(error).lower():
         return PortBusy(url, f"port already open {_holders(url)}", "open", "close it there first")
     if number in (errno.EACCES, errno.EPERM):
@@ -139,8 +193,12 @@ def _why_not_opened(url: str, error: Exception) -> LinkError:
             url, "permission denied", "open", "on Linux, add yourself to the group that owns the device (dialout, uucp)"
         )
     if number in (None, errno.ENOENT, errno.ENODEV, errno.ENXIO, errno.ENOTDIR, errno.ECONNREFUSED):
-        return PortMissing(url, f"no such port ({error})", "open", f"there are: {', '.join(port.url for port in list_ports())}")
+        return PortMissing(url, f"no such port ({error})", "open", _there_are())
     return LinkLost(url, f"cannot be opened ({error})", "open")
+
+
+def _there_are() -> str:
+    return f"there are: {', '.join(port.url for port in list_ports())}"
 
 
 def _holders(url: str) -> str:

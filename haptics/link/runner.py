@@ -168,7 +168,11 @@ def connect(runner: Runner, links: Sequence[Link] | None = None, timeout_s: floa
         if link.identity is None:
             raise link.session.diagnosis()
         if not link.ready:
-            seen = f"still {link.session.phase.value} after {timeout_s:g} s"
+            count = link.session.counters
+            seen = (
+                f"still {link.session.phase.value} after {timeout_s:g} s; {count.bytes_in} bytes came, {count.frames_in} whole "
+            )
+            seen += f"frames and {count.bad_frames} bad ones; {count.syncs_missed} questions for its clock went unanswered"
             raise ReplyTimeout(link.name, seen, "connect", "is the line slower than its baud rate says?")
     return [link.identity for link in chosen]
 

@@ -32,6 +32,8 @@ _DOWN = (int(State.DISARMED), int(State.FAULT))
 _TIMED = frozenset(m.name for m in MESSAGES if m.sender == "host" and m.fields and m.fields[0].name == "time")
 _SIZES = {m.type: payload_size(m.name) for m in MESSAGES if m.sender == "board"}
 _KEEPALIVE = encode_frame(BY_NAME["keepalive"].type, 0)
+_IDENTITIES = 3
+"""That tell other limits than were configured, before the board is not believed."""
 
 
 class Phase(Enum):
@@ -54,7 +56,9 @@ class LinkSession:
 
     :param board: the board expected, or None to take whichever answers.
     :param port_name: how errors name the port.
-    :param limits: four stricter limits to configure, in the order of ``identity.limits``, or None.
+    :param limits: stricter limits to configure, in the order of ``identity.limits``; or what makes them of the identity, once it
+        is known; or None. The board is asked afterwards what it keeps to; where that is not these very limits, the handshake
+        fails.
     :param baud: of the line, 0 if nobody knows; see ``ClockExchanges``.
     :param tap: called with ``(time_ns, "in" | "out", bytes)`` for every byte both ways.
     """
@@ -67,14 +71,17 @@ class LinkSession:
         port_name: str,
         *,
         settings: LinkSettings | None = None,
-        limits: Sequence[int] | None = None,
+        limits: Sequence[int] | Callable[[Any], Sequence[int]] | None = None,
         baud: int = 0,
         tap: Tap | None = None,
     ):
         self.expected, self.port_name, self.tap = board, port_name, tap
         self._baud = baud
         self.settings = settings or LinkSettings()
-        self._limits = encode("configure", tuple(limits)) if limits is not None else None
+        if limits is not None and not callable(limits):
+            encode("configure", tuple(limits))  # a wrong number is refused here, not once a board has answered
+        self._limits = limits
+        self._configured_limits: tuple[int, ...] = ()
         self._events: deque[happened.Event] = deque()
         self._now_ns = 0
         self._deadline_ns = NEVER_NS
@@ -105,6 +112,8 @@ class LinkSession:
         self._armed_ticks = 0
         self._configuring: Pending | None = None
         self._stopping: Pending | None = None
+        self._stopped_first = False
+        self._unlike = 0  # identities since the board took its limits, none of which told them
 
     # What the owner may ask -----------------------------------------------------------------------------------------
 
@@ -124,6 +133,11 @@ class LinkSession:
         return self._exchanges.model.fit
 
     @property
+    def last_sent_ns(self) -> int:
+        """When a frame last went out: what a board's dead-man counts from."""
+        return self._last_sent_ns
+
+    @property
     def next_deadline_ns(self) -> int | None:
         """When ``poll`` wants to be called next; None if nothing is due unless something happens."""
         return self._deadline_ns if self._deadline_ns < NEVER_NS else None
@@ -135,14 +149,30 @@ class LinkSession:
         return taken
 
     def to_ticks(self, host_ns: int) -> int:
-        """Board ticks (u32) at a host time.
+        """Board ticks (u32) for a command at a host time; on a coarse line ``shift_ns`` later.
 
         :raises ClockUncertain: the board's clock is not known well enough at that time.
         """
-        uncertain = self._exchanges.uncertain(host_ns)
+        self._need_clock(host_ns)
+        return self._fit().to_ticks(self._exchanges.shifted_ns(host_ns))
+
+    def exact_ticks(self, host_ns: int) -> int:
+        """Board ticks (u32) at a host time, to measure by.
+
+        :raises ClockUncertain: the board's clock is not known within ``exact_error_s`` at that time.
+        """
+        self._need_clock(host_ns, exact=True)
+        return self._fit().to_ticks(host_ns)
+
+    @property
+    def shift_ns(self) -> int:
+        """How much later than asked for commands are scheduled, because the clock is known only coarsely; 0 on a good line."""
+        return self._exchanges.shift_ns
+
+    def _need_clock(self, host_ns: int, exact: bool = False) -> None:
+        uncertain = self._exchanges.uncertain(host_ns, exact)
         if uncertain is not None:
             raise ClockUncertain(self.port_name, uncertain)
-        return self._fit().to_ticks(host_ns)
 
     def to_host_ns(self, ticks: int) -> int:
         """Host time of board ticks (u32) within 1073 s of the last call's time.
@@ -164,7 +194,7 @@ class LinkSession:
         self._reset()
         self._now_ns = now_ns
         self.phase = Phase.IDENTIFYING
-        self._inquiry.begin("start", now_ns)
+        self._inquiry.begin("start", now_ns, self.counters)
         self._work(now_ns)
 
     def send(self, name: str, *values: Any, now_ns: int) -> Pending:
@@ -183,9 +213,15 @@ class LinkSession:
             return pending
         if name == "disarm":
             self.armed = False
-        self._window.submit(pending)
+            self._window.fail_all(LinkError, "disarmed")  # nothing asked for before it is sent, or sent again, after it
+        self._window.submit(pending, self._latest_ns(values[0], now_ns) if name in _TIMED else NEVER_NS)
         self._work(now_ns)
         return pending
+
+    def _latest_ns(self, ticks: int, now_ns: int) -> int:
+        """Until when a waiting command for ``ticks`` is worth sending: half an exchange before, which is the clock's bound."""
+        fit = self.clock
+        return NEVER_NS if fit is None else max(now_ns, fit.to_host_ns(ticks, now_ns) - round(fit.error_s * NS_PER_S))
 
     def arm(self, now_ns: int) -> Pending:
         """Arm the board that was identified, and no other: its boot id goes along."""
@@ -309,10 +345,16 @@ class LinkSession:
         self.counters.frames_in += 1
         if message is not None and message.sender == "host":
             self.counters.echoes += 1
+        elif message is not None and message.name == "identity" and self._is_of_another_table(frame):
+            seen = f"its identity has {len(frame.payload)} bytes, this package's {_SIZES[frame.type]}"
+            self._fail(WrongFirmware(self.port_name, seen, "identify", handshake.FLASH), now_ns)
         elif message is None or len(frame.payload) != _SIZES[frame.type] or self.board not in (None, *message.boards):
             self.counters.strange_frames += 1
         elif self.phase not in (Phase.IDLE, *_OVER):
             self._handlers[frame.type](frame, decode(message.name, frame.payload), now_ns)
+
+    def _is_of_another_table(self, frame: Frame) -> bool:
+        return self.phase is Phase.IDENTIFYING and len(frame.payload) != _SIZES[frame.type]
 
     def _on_identity(self, frame: Frame, identity: Any, now_ns: int) -> None:
         mismatch = handshake.mismatch(identity, self.expected)
@@ -328,6 +370,8 @@ class LinkSession:
             self.armed = False
             self._tell(happened.Rebooted(now_ns, known.boot_id, identity.boot_id))
             self._identified(now_ns)
+        elif self.phase is Phase.CONFIGURING and self._configuring is None:
+            self._verify(now_ns)
         elif self._inquiry.reason is not None:
             self._inquiry.end()
             self._exchanges.begin(now_ns)
@@ -336,6 +380,7 @@ class LinkSession:
         self.phase = Phase.SYNCING
         self._inquiry.end()
         self._configuring = None
+        self._stopped_first = False
         self._exchanges = ClockExchanges(self.settings, self.counters, self._baud)
         self._exchanges.begin(now_ns)
         self._tell(happened.Identified(now_ns, self.identity))
@@ -346,6 +391,7 @@ class LinkSession:
             return
         if not fits:
             self._suspect("its clock jumped", now_ns)
+        self._window.timeout_ns = self._exchanges.reply_timeout_ns
         if self.clock is not None:
             self._tell(self.clock)
         if self.phase is Phase.SYNCING and self._exchanges.started:
@@ -356,7 +402,8 @@ class LinkSession:
             self._become_ready(now_ns)
             return
         self.phase = Phase.CONFIGURING
-        self._configuring = Pending("configure", self._limits)
+        self._configured_limits = tuple(self._limits(self.identity) if callable(self._limits) else self._limits)
+        self._configuring = Pending("configure", encode("configure", self._configured_limits))
         self._window.submit(self._configuring)
 
     def _configured(self, now_ns: int) -> None:
@@ -364,14 +411,34 @@ class LinkSession:
         if pending is None or self.phase is not Phase.CONFIGURING:
             return
         if pending.ok:
-            self._become_ready(now_ns)
+            self._unlike = 0
+            self._suspect("its limits are verified", now_ns)
         elif pending.error is not None and self._window.alone is not None:
             self._configure(now_ns)  # a stop came in between
+        elif pending.status == Status.INTERLOCK and not self._stopped_first:
+            self._stop_first(now_ns)
         else:
             seen = f"answered {status_name(pending.status)}, detail {pending.detail}"
             advice = "limits may only be made stricter than the board's own"
             refused = CommandRefused(self.port_name, seen, "configure", status_name(pending.status), advice)
             self._fail(pending.error or refused, now_ns)
+
+    def _verify(self, now_ns: int) -> None:
+        """A board that was configured has said once more who it is, and by which limits; a late answer may be of before."""
+        different = handshake.different_limits(self.identity, self._configured_limits)
+        self._unlike += 1
+        if different is None:
+            self._inquiry.end()
+            self._become_ready(now_ns)
+        elif self._unlike >= _IDENTITIES:
+            self._fail(LinkError(self.port_name, different, "configure", handshake.FLASH), now_ns)
+
+    def _stop_first(self, now_ns: int) -> None:
+        """The board is still armed by a host that is gone, and takes no limits: it is made safe, then configured."""
+        self._stopped_first = True
+        self._stopping = self._window.submit_alone(Pending("stop"), self.settings.stop_tries, "stopped")
+        self._configure(now_ns)
+        self._window.pump(now_ns, self._emit)
 
     def _become_ready(self, now_ns: int) -> None:
         self.phase = Phase.READY
@@ -421,7 +488,9 @@ class LinkSession:
 
     def _suspect(self, reason: str, now_ns: int) -> None:
         """Ask again who is there; meanwhile commands wait."""
-        self._inquiry.begin(reason, now_ns)
+        if self._inquiry.reason is None:
+            self.seen = self._deframer.sample = b""
+        self._inquiry.begin(reason, now_ns, self.counters)
 
     def _stopped(self, now_ns: int) -> None:
         """A stop without an answer ends the session: a board that hears nothing more makes itself safe."""
@@ -434,12 +503,13 @@ class LinkSession:
         if self.phase is Phase.IDENTIFYING:
             self._fail(self.diagnosis(), now_ns)
             return
-        seen = f"the board fell silent for {self._inquiry.waited_s:g} s ({self._inquiry.reason})"
-        self.lost(LinkLost(self.port_name, seen, advice="check cable and power"), now_ns)
+        self.lost(handshake.silence(self.port_name, self.counters, self._inquiry, self._deframer.sample or self.seen), now_ns)
 
     def diagnosis(self) -> NotABoard:
         """Why no board was found so far, in words."""
-        return handshake.diagnosis(self.port_name, self.counters, self.seen, self._inquiry.tries, self._inquiry.waited_s)
+        return handshake.diagnosis(
+            self.port_name, self.counters, self._deframer.sample or self.seen, self._inquiry.tries, self._inquiry.waited_s
+        )
 
     def _fail(self, error: LinkError, now_ns: int) -> None:
         self._end(Phase.FAILED, error)

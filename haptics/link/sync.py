@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+import math
+
 from haptics.link.clock import ClockModel, signed_ticks
 from haptics.link.commands import NEVER_NS
 from haptics.link.framing import BITS_PER_BYTE, FRAMING_BYTES, encode_frame
 from haptics.link.messages import BY_NAME, TICK_HZ, encode, payload_size
 from haptics.link.settings import LinkCounters, LinkSettings
-from haptics.time import NS_PER_S
+from haptics.time import NS_PER_MS, NS_PER_S
 
 UNMEASURED = "the board's clock was not measured yet"
 _SHORTEST = 0.97  # of a byte's time at the nominal baud: no receiver follows a sender that is faster yet
 _SYNC = BY_NAME["sync"].type
+_GOLDEN = 0.6180339887498949
+_QUIET_NS = 100 * NS_PER_MS
+"""Longer than any coil pulse and than the largest shift, so that what is asked for after it cannot pass what was before."""
+_LONGEST_PAUSE_NS = 64 * NS_PER_MS
 _ASKED, _ANSWERED = (payload_size(name) + FRAMING_BYTES for name in ("sync", "sync_reply"))
 
 
@@ -33,30 +39,59 @@ class ClockExchanges:
         self._sent_ns: int | None = None
         self._left = 0
         self._gap_ns = settings.sync_first_gap_ns
+        self._longest_ns = 0
+        self._phase = 0.0
+        self._shift_ns = 0
+        self._shift_wanted_ns = 0
+        self._scheduled_ns = -NEVER_NS
 
     def _new_model(self) -> ClockModel:
         return ClockModel(self._settings.rate_tolerance, self._settings.drift, self._settings.jitter_s)
 
-    def uncertain(self, host_ns: int) -> str | None:
-        """Why nothing may be scheduled at ``host_ns``, or None."""
+    def uncertain(self, host_ns: int, exact: bool = False) -> str | None:
+        """Why nothing may be scheduled at ``host_ns``, or None. ``exact``: by a clock that one may measure by."""
         fit, settings = self.model.fit, self._settings
         if fit is None:
             return UNMEASURED
         if (age_s := fit.age_s(host_ns)) > settings.max_age_s:
             return f"the board's clock was measured {age_s:.2f} s from that time; allowed: {settings.max_age_s:g} s"
-        if (bound_s := fit.error_bound_s(host_ns)) > settings.max_error_s:
-            return f"the board's clock is known within {bound_s * 1e3:.2f} ms; allowed: {settings.max_error_s * 1e3:g} ms"
+        allowed_s = settings.exact_error_s if exact else settings.max_error_s
+        if (bound_s := fit.error_bound_s(host_ns)) > allowed_s:
+            self._counters.clock_refusals += 1
+            self._counters.clock_refused_ms = max(self._counters.clock_refused_ms, bound_s * 1e3)
+            return f"the board's clock is known within {bound_s * 1e3:.2f} ms; allowed: {allowed_s * 1e3:g} ms"
         return None
+
+    @property
+    def shift_ns(self) -> int:
+        """How much later than asked for commands are scheduled now, because the clock is known only coarsely."""
+        return self._shift_ns
+
+    def shifted_ns(self, host_ns: int) -> int:
+        """When to schedule what is asked for at ``host_ns``: at that time, or later by what the clock may be wrong.
+
+        A board whose clock is ahead by that still gets the command in time, and what plays is late by at most twice as much. The
+        shift grows at once, and shrinks only after a tenth of a second without commands: they keep their order and never overlap.
+        """
+        if self._shift_wanted_ns > self._shift_ns or host_ns - self._scheduled_ns > _QUIET_NS:
+            self._shift_ns = self._shift_wanted_ns
+        self._scheduled_ns = max(self._scheduled_ns, host_ns)
+        return host_ns + self._shift_ns
 
     @property
     def started(self) -> bool:
         """The first run of exchanges is complete."""
         return self._left == 0 and self.model.fit is not None
 
+    @property
+    def reply_timeout_ns(self) -> int:
+        """How long to wait for the answer to a command: on a line that holds answers back, longer than the longest took."""
+        return max(self._settings.reply_timeout_ns, self._longest_ns + self._longest_ns // 4)
+
     def begin(self, now_ns: int) -> None:
         """Ask often for a while; what was learnt stays."""
         self._left, self._gap_ns = self._settings.sync_exchanges, self._settings.sync_first_gap_ns
-        self.missed, self._sent_ns, self.due_ns = 0, None, now_ns
+        self.missed, self._sent_ns, self.due_ns, self._longest_ns = 0, None, now_ns, 0
 
     def frame(self, now_ns: int) -> bytes:
         """The next question. One still open is given up and counted as missed."""
@@ -76,14 +111,37 @@ class ClockExchanges:
         asked_ns, self._sent_ns, self.missed = self._sent_ns, None, 0
         fits = self._learn(asked_ns, received, sent, now_ns)
         self._left = max(self._left - 1, 0)
+        pause_ns = self._pause_ns(now_ns - asked_ns)
         if self._left:
-            self.due_ns = now_ns
+            self.due_ns = now_ns + pause_ns
         else:
-            self.due_ns = now_ns + self._gap_ns
+            self.due_ns = now_ns + self._gap_ns + pause_ns
             self._gap_ns = min(2 * self._gap_ns, self._settings.sync_every_ns)
+        self._plan_shift()
         if not fits:
             self._counters.clock_contradictions += 1
         return fits
+
+    def _pause_ns(self, took_ns: int) -> int:
+        """A wait before the next question, where the line holds answers back, and the clock is known coarsely yet.
+
+        A line that hands bytes on every 16 ms answers right after it has done so; asked again at once it would take its longest
+        every time. Waits that are multiples of the golden ratio, modulo the longest answer, come upon all its phases soon.
+        """
+        fit = self.model.fit
+        if fit is None or fit.error_s <= self._settings.exact_error_s:
+            return 0
+        self._longest_ns = min(max(self._longest_ns, took_ns), _LONGEST_PAUSE_NS)
+        self._phase = (self._phase + _GOLDEN) % 1.0
+        return int(self._phase * self._longest_ns)
+
+    def _plan_shift(self) -> None:
+        """The error bound at the next exchange, in whole milliseconds; nothing where the clock is known well."""
+        fit = self.model.fit
+        if fit is None:
+            return
+        bound_s = min(fit.error_bound_s(self.due_ns), self._settings.max_error_s)
+        self._shift_wanted_ns = 0 if bound_s <= self._settings.fine_error_s else math.ceil(bound_s * 1e3) * NS_PER_MS
 
     def _learn(self, asked_ns: int, received: int, sent: int, now_ns: int) -> bool:
         turn_ns = signed_ticks(sent, received) * NS_PER_S // TICK_HZ

@@ -6,15 +6,16 @@ What rooms that take meshes share; each then asks of a mesh what it needs itself
 from haptics.meshes.cleaning import cleaned
 from haptics.meshes.files import FORMATS, LARGEST_TRIANGLES, check_arrays, read_triangles
 from haptics.meshes.fitting import Fit, best_fit
-from haptics.meshes.frame import AXES, UNITS, WORDS, Kind, SizeFault, in_frame, size_fault
+from haptics.meshes.frame import AXES, UNITS, WORDS, Kind, SizeFault, extent_of, in_frame, other_unit, size_fault
 from haptics.meshes.holes import capped, holes, holes_in_words
-from haptics.meshes.orientation import outward
+from haptics.meshes.orientation import MOST_PIECES, outward, pieces_of
 from haptics.meshes.winding import winding_number
 
 __all__ = [
     "AXES",
     "FORMATS",
     "LARGEST_TRIANGLES",
+    "MOST_PIECES",
     "UNITS",
     "WORDS",
     "Fit",
@@ -24,10 +25,13 @@ __all__ = [
     "capped",
     "check_arrays",
     "cleaned",
+    "extent_of",
     "holes",
     "holes_in_words",
     "in_frame",
+    "other_unit",
     "outward",
+    "pieces_of",
     "read_triangles",
     "size_fault",
     "winding_number",

@@ -14,7 +14,7 @@ Floats = NDArray[np.float64]
 
 _POINTS = 300
 """So many of the points are looked at."""
-_SHARE = 0.9
+_SHARE = 0.98
 """Of them so many must lie near: a drawn thing may end away from the body."""
 
 

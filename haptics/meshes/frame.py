@@ -14,8 +14,10 @@ UNITS = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.304
 """Metres in each unit that a mesh may be drawn in."""
 WORDS = {"m": "metres", "dm": "decimetres", "cm": "centimetres", "mm": "millimetres", "in": "inches", "ft": "feet"}
 AXES = ("x", "y", "z")
-_RARER = {"m": 0.0, "dm": 0.15, "cm": 0.0, "mm": 0.0, "in": 0.15, "ft": 0.15}
+_RARER = {"m": 0.0, "dm": 0.8, "cm": 0.0, "mm": 0.0, "in": 0.3, "ft": 0.8}
 """How much worse, in decades of size, a unit that few programs draw in must not be to be named all the same. Assumed."""
+_NEARLY = 0.3
+"""A unit that is worse by no more decades is named, too. Assumed."""
 
 
 @dataclass(frozen=True)
@@ -59,16 +61,43 @@ def size_fault(vertices: Floats, kind: Kind, scale: float = 1.0) -> SizeFault | 
 
     :param vertices: ``(v, 3)`` as in the file. :param scale: metres that a unit of it is taken for.
     """
-    extent = float(np.ptp(vertices, axis=0).max())
+    extent = extent_of(vertices)
     if kind.has(extent * scale):
         return None
     seen = f"it is {extent * scale:g} m across; allowed: {kind.smallest_m:g} to {kind.largest_m:g} m, as {kind.what} is"
-    likely = [unit for unit in UNITS if unit != "m" and kind.has(extent * UNITS[unit])]
+    return SizeFault(seen, _question(extent, kind, [unit for unit in likely_units(extent, kind) if unit != "m"]))
+
+
+def other_unit(vertices: Floats, kind: Kind) -> str:
+    """Of a size that its kind can have in metres, but has more often in another unit: whether it is that; else empty."""
+    extent = extent_of(vertices)
+    likely = likely_units(extent, kind)
+    return "" if "m" in likely else _question(extent, kind, likely)
+
+
+def extent_of(vertices: Floats) -> float:
+    """The largest side, in the file's unit; infinite where it is beyond computing."""
+    with np.errstate(over="ignore"):
+        return float(np.ptp(vertices, axis=0).max())
+
+
+def likely_units(extent: float, kind: Kind) -> list[str]:
+    """The units that make a usual size of an extent, the likeliest first and then what is nearly as likely."""
+    worse = {
+        unit: abs(math.log10(extent * metres / kind.usual_m)) + _RARER[unit]
+        for unit, metres in UNITS.items()
+        if kind.has(extent * metres)
+    }
+    return sorted((unit for unit in worse if worse[unit] <= min(worse.values()) + _NEARLY), key=lambda unit: worse[unit])
+
+
+def _question(extent: float, kind: Kind, likely: list[str]) -> str:
     if not likely:
-        return SizeFault(seen, "")
-    unit = min(likely, key=lambda unit: abs(math.log10(extent * UNITS[unit] / kind.usual_m)) + _RARER[unit])
-    question = f"is it in {WORDS[unit]}? Then it is {extent * UNITS[unit]:.3g} m across: "
-    return SizeFault(seen, question + kind.cure.format(unit=unit, scale=f"{UNITS[unit]:g}"))
+        return ""
+    unit, *others = likely
+    also = f"; or in {WORDS[others[0]]}, {extent * UNITS[others[0]]:.3g} m?" if others else ""
+    cure = kind.cure.format(unit=unit, scale=f"{UNITS[unit]:g}")
+    return f"is it in {WORDS[unit]}? Then it is {extent * UNITS[unit]:.3g} m across: {cure}{also}"
 
 
 _TURNS = {

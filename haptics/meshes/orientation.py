@@ -11,6 +11,9 @@ from haptics.meshes.winding import winding_number
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
+MOST_PIECES = 10_000
+"""Of more, it takes minutes to find which lies within which; a mesh of so many is a heap of loose triangles."""
+
 
 def consistent(triangles: Ints) -> tuple[Ints, int]:
     """The triangles with neighbours facing the same way, and how many were turned: in each piece the fewer.
@@ -43,13 +46,9 @@ def outward(vertices: Floats, triangles: Ints) -> tuple[Ints, int]:
     A piece that is inside out is turned with all that lies within it; what lies within others is otherwise left as it is, since
     a cavity faces its middle.
     """
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
-    corners, pairs = vertices[triangles], neighbours(triangles)
+    corners = vertices[triangles]
     volume = np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2]))
-    graph = coo_array((np.ones(len(pairs.one)), (pairs.one, pairs.other)), shape=(len(triangles), len(triangles)))
-    pieces, piece = connected_components(graph, directed=False)
+    pieces, piece = pieces_of(triangles)
     inside_out = np.bincount(piece, volume, minlength=pieces) < 0.0
     if not inside_out.any():
         return triangles, 0
@@ -57,6 +56,17 @@ def outward(vertices: Floats, triangles: Ints) -> tuple[Ints, int]:
     by_piece = np.split(corners[order], np.cumsum(np.bincount(piece))[:-1])
     turn = inside_out[_outermost(by_piece)][piece]
     return np.where(turn[:, None], triangles[:, ::-1], triangles), int(turn.sum())
+
+
+def pieces_of(triangles: Ints) -> tuple[int, Ints]:
+    """How many pieces hang together by edges, and which of them each triangle is in, ``(t,)``."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    pairs, count = neighbours(triangles), len(triangles)
+    graph = coo_array((np.ones(len(pairs.one)), (pairs.one, pairs.other)), shape=(count, count))
+    pieces, piece = connected_components(graph, directed=False)
+    return int(pieces), piece
 
 
 def _outermost(pieces: list[Floats]) -> Ints:

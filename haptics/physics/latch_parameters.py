@@ -47,6 +47,8 @@ class LatchParameters(Parameters):
 
 
 LATCH = LatchParameters()
+RESISTANCE_TOLERANCE_OHM = 0.1
+"""Half-width of the coils' resistance from actuator to actuator (thesis 3.4.3)."""
 NOMINAL_VOLTS = 5.0
 """Greatest voltage of the stated drive (thesis 3.4.3)."""
 LONGEST_PULSE_S = 10e-3

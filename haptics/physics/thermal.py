@@ -12,6 +12,7 @@ import math
 from dataclasses import dataclass
 
 from haptics.errors import InputError
+from haptics.physics.latch_parameters import LATCH, NOMINAL_VOLTS, RESISTANCE_TOLERANCE_OHM
 from haptics.physics.parameters import Parameters, parameter
 from haptics.units import in_range
 
@@ -29,6 +30,8 @@ class ThermalParameters(Parameters):
 THERMAL = ThermalParameters()
 PULSE_POWER_W = 18.0
 """Power of a coil that is on (thesis 3.4.3: 5 V, 3.6 A)."""
+WORST_PULSE_POWER_W = NOMINAL_VOLTS**2 / (LATCH.resistance_ohm - RESISTANCE_TOLERANCE_OHM)
+"""Most that a cold coil within the stated tolerance takes: 19.5 W at 5 V and 1.28 ohm (thesis 3.4.3)."""
 PULSE_S = 10e-3
 """Longest pulse, and the one the thesis' heat figures assume (3.4.3)."""
 PULSE_ENERGY_J = PULSE_POWER_W * PULSE_S
@@ -59,6 +62,26 @@ def relax(rise_k: float, power_w: float, dt_s: float, parameters: ThermalParamet
 def _relaxed(rise_k: float, final_k: float, dt_s: float, tau_s: float) -> float:
     """The step itself, unchecked and of plain numbers, so that numba can compile it."""
     return rise_k + (final_k - rise_k) * -math.expm1(-dt_s / tau_s)
+
+
+def bounding(c_k_per_w: float, tau_low_s: float, tau_high_s: float) -> ThermalParameters:
+    """Parameters of a first-order body that is never cooler than any with ``c <= c_k_per_w`` and ``tau`` between the two.
+
+    A pulse of energy ``E`` leaves ``(E c / tau) exp(-t / tau)``. For every ``tau`` between ``a`` and ``b`` that is at most
+    ``(E c / a) exp(-t / b)``, which is what it leaves in a body with ``tau = b`` and ``c b / a``. Rises are sums of such terms,
+    none of them negative, so the bound holds for any pulses in any order (``docs/explanation/heat.md``). With ``a = b`` it is
+    the body itself.
+
+    :raises InputError: a value that no body can have, or ``tau_low_s`` above ``tau_high_s``.
+    """
+    in_range("tau_low_s", tau_low_s, 1e-3, tau_high_s, "s")
+    return ThermalParameters(tau_s=tau_high_s, c_k_per_w=c_k_per_w * tau_high_s / tau_low_s)
+
+
+THERMAL_WORST = bounding(
+    THERMAL.c_k_per_w + THERMAL.c_sd_k_per_w, THERMAL.tau_s - THERMAL.tau_sd_s, THERMAL.tau_s + THERMAL.tau_sd_s
+)
+"""Never cooler than any actuator within the stated tolerance: 107 s and 87.1 K/W (thesis 3.5.2)."""
 
 
 def pulse_rise_k(energy_j: float = PULSE_ENERGY_J, parameters: ThermalParameters = THERMAL) -> float:

@@ -10,7 +10,8 @@
           time_ns (n,)     then one dataset for each field, (n,) or (n, ...), with units
 
 Which plot opens first is the header's ``default_plot``: ``{"stream": "ticks", "signal": "rise_k"}``; without it, the first
-stream with rows and a floating-point field. Nothing in the file depends on when or where it was written.
+stream with rows and a floating-point field. Nothing in the file depends on when or where it was written. At the file's end is
+a seal over all of it (:mod:`haptics.recording.seal`).
 """
 
 from __future__ import annotations
@@ -26,16 +27,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from haptics.errors import HapticsError, InputError
+from haptics.recording.hdf5_file import writing
 from haptics.recording.journal_reader import JournalContents, read_journal
-from haptics.recording.lock import try_lock
-from haptics.recording.output import replacing
+from haptics.recording.lock import being_written
+from haptics.recording.output import replacing, same_file
+from haptics.recording.seal import seal
 from haptics.recording.streams import StreamSpec, field_type
 
 if TYPE_CHECKING:
     import h5py
 
-SCHEMA = 1
-"""Version of the layout above; :func:`haptics.recording.load` opens this and older ones."""
+SCHEMA = 2
+"""Version of the layout above; :func:`haptics.recording.load` opens this and older ones. Layout 1 had no seal."""
 
 _CHUNK_BYTES = 1 << 16
 _BATCH_BYTES = 1 << 22
@@ -98,24 +101,25 @@ def recover(
     :raises HapticsError: the recording cannot be written (a full disk); the journal is kept.
     """
     contents = read_journal(journal_path)
-    with contents.path.open("rb") as file:
-        if not try_lock(file):
-            raise InputError(f"{contents.path}: another process is still writing this journal")
+    if being_written(contents.path):
+        raise InputError(f"{contents.path}: another process is still writing this journal")
     if contents.header is None:
-        raise InputError(f"{contents.path}: nothing to recover: no whole segment")
+        raise InputError(f"{contents.path}: nothing to recover: no whole segment; it can be removed")
     return _convert(contents, Path(out_path), force, keep_journal or contents.dropped_bytes > 0)
 
 
 def _convert(contents: JournalContents, out: Path, force: bool, keep_journal: bool) -> Finalised:
-    if out.exists() and out.samefile(contents.path):
+    if same_file(out, contents.path):
         raise InputError(f"{out} is the journal itself; give the recording another name")
     try:
         with replacing(out, force) as partial:
             _write(contents, partial)
-    except OSError as error:
-        raise HapticsError(f"{out}: cannot write the recording: {error}; the journal {contents.path} is kept") from error
+    except InputError:
+        raise
+    except HapticsError as error:
+        raise HapticsError(f"{error}; the journal {contents.path} is kept") from error
     if not keep_journal:
-        contents.path.unlink()
+        _remove(contents.path)
     return Finalised(
         out,
         contents.complete,
@@ -126,12 +130,17 @@ def _convert(contents: JournalContents, out: Path, force: bool, keep_journal: bo
     )
 
 
-def _write(contents: JournalContents, path: Path) -> None:
-    import h5py
+def _remove(journal: Path) -> None:
+    try:
+        journal.unlink()
+    except OSError as error:
+        raise HapticsError(f"{journal}: its recording is made, and it cannot be removed: {error.strerror or error}") from error
 
+
+def _write(contents: JournalContents, path: Path) -> None:
     header = contents.header or {}
     plots = _plots(contents, header.get("default_plot"))
-    with h5py.File(path, "w") as file:
+    with writing(path) as file:
         file.attrs.update({"NX_class": "NXroot", "default": "entry", "creator": "haptics"})
         entry = _group(file, "entry", "NXentry")
         entry.attrs["complete"] = contents.complete
@@ -154,6 +163,7 @@ def _write(contents: JournalContents, path: Path) -> None:
         for name, spec in contents.streams.items():
             _write_stream(entry, contents, spec, plots.get(name))
         file.attrs["haptics_schema"] = SCHEMA  # last: without it nothing is taken for a recording
+    seal(path)
 
 
 def _write_stream(entry: h5py.Group, contents: JournalContents, spec: StreamSpec, signal: str | None) -> None:

@@ -12,7 +12,10 @@ from __future__ import annotations
 import json
 import os
 import re
+import shutil
+import tempfile
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Any, BinaryIO
@@ -20,9 +23,10 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
+from haptics.ends import unbroken
 from haptics.errors import HapticsError, InputError
+from haptics.recording.leftovers import refuse_leftover
 from haptics.recording.lock import try_lock
-from haptics.recording.output import refuse_existing
 from haptics.recording.segments import MAGIC, MAX_PAYLOAD_BYTES, Kind, pack
 from haptics.recording.streams import StreamSpec
 
@@ -53,7 +57,9 @@ class Stream:
         count = self._count
         if count == len(self._buffer):
             self._journal.commit()
-            count = 0
+            count = self._count
+            if count:  # could not be written, and nobody wants to know
+                return
         try:
             if not isinstance(row, (tuple, np.void)):
                 raise TypeError("a row is a tuple")
@@ -81,6 +87,8 @@ class Stream:
         while done < len(rows):
             if self._count == len(self._buffer):
                 self._journal.commit()
+                if self._count:
+                    return
             some = rows[done : done + len(self._buffer) - self._count]
             for name in self.spec.fields:  # by name: assignment of whole rows goes by position
                 self._buffer[name][self._count : self._count + len(some)] = some[name]
@@ -114,16 +122,23 @@ class Journal:
 
     As a context manager it closes without a footer: what is then in the file is whole, but only
     :func:`haptics.recording.recover` takes it, because nobody said that the session ended well.
+
+    :ivar raises: whether a write that fails raises. Who makes a device safe sets it to False first: a full disk must not break
+        that off. Then rows that find no place are dropped, and ``error`` says why.
     """
 
     def __init__(self, path: Path, file: BinaryIO, rows_per_segment: int, fsync: bool):
         self.path = path
+        """Where it is; elsewhere after closing if its folder was removed meanwhile."""
         self._file: BinaryIO | None = file
         self._rows_per_segment, self._fsync = rows_per_segment, fsync
         self._streams: dict[str, Stream] = {}
         self._blobs: set[str] = set()
         self._segments = 0
         self._length = 0
+        self._torn = False
+        self.raises = True
+        self.error: HapticsError | None = None
 
     @classmethod
     def create(
@@ -137,25 +152,34 @@ class Journal:
     ) -> Journal:
         """Start a journal with ``header`` (plain JSON data: provenance, arguments, seed, plan) as its first segment.
 
-        :param force: overwrite a file that exists, unless a running process is writing it.
+        :param force: overwrite a file that holds nothing: one that was begun when its writer died. A journal with anything in it
+            is the only copy of what happened, and is never overwritten.
         :param rows_per_segment: a stream with this many buffered rows commits by itself; at least 1.
         :param fsync: each commit also waits for the disk, so that it survives a loss of power (milliseconds each).
-        :raises InputError: the file exists, is being written, its folder is missing, or the header is not plain data.
+        :raises InputError: the file exists, is being written, cannot be made, or the header is not plain data.
+        :raises HapticsError: the system cannot write; no file is left.
         """
         if rows_per_segment < 1:
             raise InputError(f"rows_per_segment = {rows_per_segment} is not allowed; allowed: at least 1")
         path = Path(path)
         payload = _json("header", header)
-        refuse_existing(path, force)
+        refuse_leftover(path, force)
         flags = os.O_RDWR | os.O_CREAT | getattr(os, "O_BINARY", 0) | (0 if force else os.O_EXCL)
-        file = os.fdopen(os.open(path, flags, 0o666), "r+b", buffering=0)
+        try:
+            file = os.fdopen(os.open(path, flags, 0o666), "r+b", buffering=0)
+        except OSError as error:
+            raise InputError(f"{path}: no journal can be made there: {error.strerror or error}") from error
         if not try_lock(file):
             file.close()
             raise InputError(f"{path}: another process is still writing this journal")
         file.truncate(0)
         journal = cls(path, file, rows_per_segment, fsync)  # type: ignore[arg-type]
-        journal._write(b"".join((MAGIC, *pack(Kind.HEADER, 0, 0, payload))))
-        journal._segments = 1
+        try:
+            journal._write(b"".join((MAGIC, *pack(Kind.HEADER, 0, 0, payload))), 1)
+        except HapticsError:
+            file.close()
+            path.unlink(missing_ok=True)
+            raise
         return journal
 
     def stream(
@@ -203,18 +227,23 @@ class Journal:
             whole up to the last commit, and a later commit tries again.
         """
         full = [stream for stream in self._streams.values() if stream.buffered]
-        if full:
-            parts = []
-            for index, stream in enumerate(full, self._segments):
-                parts += pack(Kind.ROWS, stream.number, index, stream.take())
-            self._write(b"".join(parts))
-            self._segments += len(full)
         rows = 0
-        for stream in full:
-            rows += stream.buffered
-            stream.acknowledge()
-        if self._fsync if fsync is None else fsync:
-            os.fsync(self._open_file().fileno())
+        try:
+            with unbroken:  # or what is in the file and what is still to be written would disagree
+                if full:
+                    parts = []
+                    for index, stream in enumerate(full, self._segments):
+                        parts += pack(Kind.ROWS, stream.number, index, stream.take())
+                    self._write(b"".join(parts), len(full))
+                for stream in full:
+                    rows += stream.buffered
+                    stream.acknowledge()
+            if self._fsync if fsync is None else fsync:
+                self._sync()
+        except HapticsError as error:
+            if self.raises:
+                raise
+            self.error = error
         return rows
 
     def close(self, footer: Mapping[str, Any] | None = None) -> None:
@@ -247,21 +276,36 @@ class Journal:
     def _put(self, kind: Kind, payload: bytes, stream: int = 0) -> None:
         if len(payload) > MAX_PAYLOAD_BYTES:
             raise InputError(f"{self.path}: a {kind.name.lower()} of {len(payload)} bytes; allowed: up to {MAX_PAYLOAD_BYTES}")
-        self._write(b"".join(pack(kind, stream, self._segments, payload)))
-        self._segments += 1
+        with unbroken:
+            self._write(b"".join(pack(kind, stream, self._segments, payload)), 1)
 
-    def _write(self, data: bytes) -> None:
+    def _write(self, data: bytes, segments: int) -> None:
         file = self._open_file()
         left = memoryview(data)
         try:
+            if self._torn:  # a torn segment would hide all that is written after it
+                self._cut(file)
+            self._torn = True
             while left:
                 left = left[file.write(left) :]
         except OSError as error:
-            # a torn segment would hide all that is written after it
-            file.seek(self._length)
-            file.truncate(self._length)
-            raise HapticsError(f"{self.path}: cannot write the journal: {error}") from error
+            with suppress(OSError):  # a disk that is gone does not even let itself be cut; the next write tries again
+                self._cut(file)
+            raise HapticsError(f"{self.path}: cannot write the journal: {error.strerror or error}") from error
+        self._torn = False
         self._length += len(data)
+        self._segments += segments
+
+    def _cut(self, file: BinaryIO) -> None:
+        file.seek(self._length)
+        file.truncate(self._length)
+        self._torn = False
+
+    def _sync(self) -> None:
+        try:
+            os.fsync(self._open_file().fileno())
+        except OSError as error:
+            raise HapticsError(f"{self.path}: cannot write the journal: {error.strerror or error}") from error
 
     def _open_file(self) -> BinaryIO:
         if self._file is None:
@@ -270,7 +314,19 @@ class Journal:
 
     def _release(self) -> None:
         file, self._file = self._open_file(), None
-        file.close()
+        with suppress(OSError):  # all is written, or is known not to be
+            if not self.path.exists():
+                self.path = _rescued(file, self.path)
+            file.close()
+
+
+def _rescued(file: BinaryIO, path: Path) -> Path:
+    """A copy of a journal whose folder was removed while it was written: the system keeps it only until it is closed."""
+    place = Path(tempfile.mkdtemp(prefix="haptics-")) / path.name
+    file.seek(0)
+    with place.open("wb") as copy:
+        shutil.copyfileobj(file, copy)
+    return place
 
 
 def _json(what: str, data: Mapping[str, Any]) -> bytes:

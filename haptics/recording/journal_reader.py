@@ -112,7 +112,7 @@ def _fill(contents: JournalContents, file: BinaryIO) -> Damage | None:
             return segment
         try:
             _take(contents, specs, segment)
-        except (LookupError, TypeError, ValueError) as error:
+        except (AttributeError, LookupError, RecursionError, SyntaxError, TypeError, ValueError) as error:
             return Damage(segment.offset - HEAD_BYTES, f"a segment that makes no sense: {error}")
     return None if contents.header is not None else Damage(len(MAGIC), "the file ends before its header")
 
@@ -137,6 +137,8 @@ def _take(contents: JournalContents, specs: list[StreamSpec], segment: Segment) 
         contents._rows[spec.name].append((segment.offset, len(payload)))
     elif segment.kind == Kind.BLOB:
         start = 2 + int.from_bytes(payload[:2], "little")
+        if start > len(payload):
+            raise ValueError("an attachment's name that ends beyond it")
         contents._blobs[payload[2:start].decode()] = (segment.offset + start, len(payload) - start)
     elif segment.kind == Kind.FOOTER:
         contents.footer = _plain(payload)

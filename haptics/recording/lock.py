@@ -5,6 +5,7 @@ Where there is no ``fcntl`` (Windows) nothing is locked: there the system itself
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import IO
 
 
@@ -21,3 +22,12 @@ def try_lock(file: IO[bytes]) -> bool:
     except OSError:  # a file system without locks
         return True
     return True
+
+
+def being_written(path: Path) -> bool:
+    """Whether a running process holds the lock of a journal."""
+    try:
+        with path.open("rb") as file:
+            return not try_lock(file)
+    except OSError:  # nobody can write what cannot even be read
+        return False

@@ -2,22 +2,64 @@
 
 from __future__ import annotations
 
+import itertools
 import os
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from haptics.errors import InputError
+from haptics.errors import HapticsError, InputError
 
 
 def refuse_existing(path: Path, force: bool) -> None:
-    """:raises InputError: ``path`` exists and ``force`` is not given, is a folder, or its folder is missing."""
-    if not path.parent.is_dir():
+    """:raises InputError: ``path`` exists and ``force`` is not given, is a folder or a device, or cannot be a file at all."""
+    try:
+        in_folder, there = path.parent.is_dir(), path.exists()
+        folder, file = path.is_dir(), path.is_file()
+    except OSError as error:  # a name that is too long, a folder that may not be looked into
+        raise InputError(f"{path} cannot be written: {error.strerror or error}") from error
+    if not in_folder:
         raise InputError(f"{path}: there is no folder {path.parent}")
-    if path.is_dir():
+    if folder:
         raise InputError(f"{path} is a folder; a file name is wanted")
-    if path.exists() and not force:
+    if there and not file:
+        raise InputError(f"{path} is a device or a pipe; a file name is wanted")
+    if there and not force:
         raise InputError(f"{path} exists and is not overwritten; choose another name or force it (--force)")
+
+
+def check_outputs(outputs: Mapping[str, Path | None], force: bool, inputs: Mapping[str, Path] | None = None) -> None:
+    """Look, before anything takes time or is energised, whether all outputs can be written.
+
+    :param outputs: paths by the option that names each; None is not written.
+    :param inputs: files that are read, likewise; no output may take the place of one.
+    :raises InputError: as :func:`refuse_existing`; two options name one file, by whatever path; or nothing can be written there.
+    """
+    named = {option: path for option, path in outputs.items() if path is not None}
+    for (one, first), (other, second) in itertools.combinations(named.items(), 2):
+        if same_file(first, second):
+            raise InputError(f"{one} = {first} and {other} = {second} are the same file; allowed: a name for each")
+    for option, path in named.items():
+        for what, read in (inputs or {}).items():
+            if same_file(path, read):
+                raise InputError(f"{option} = {path} is what is read as {what}; allowed: another name")
+    for path in named.values():
+        refuse_existing(path, force)
+    for path in named.values():
+        try:
+            _begun(path).unlink(missing_ok=True)
+        except OSError as error:
+            raise InputError(f"{path} cannot be written: {error.strerror or error}; allowed: another place") from error
+
+
+def same_file(one: Path, other: Path) -> bool:
+    """Whether two paths lead to one file, which need not exist: by links, or said in another way."""
+    if os.path.realpath(one) == os.path.realpath(other):
+        return True
+    try:
+        return one.samefile(other)
+    except OSError:  # one of them does not exist
+        return False
 
 
 @contextmanager
@@ -25,14 +67,42 @@ def replacing(path: Path, force: bool) -> Iterator[Path]:
     """A temporary name beside ``path`` to write to; on success it takes the place of ``path``, on failure it goes.
 
     :raises InputError: as :func:`refuse_existing`.
+    :raises HapticsError: the system cannot write it: the disk is full, read-only, or gone.
     """
     refuse_existing(path, force)
-    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
+    partial = None
     try:
+        partial = _begun(path)
         yield partial
         with partial.open("r+b") as file:
             os.fsync(file.fileno())
         refuse_existing(path, force)  # it may have come up while we wrote
         partial.replace(path)
+    except OSError as error:
+        raise HapticsError(f"{path} cannot be written: {error.strerror or error}") from error
     finally:
+        if partial is not None:
+            _forget(partial)
+
+
+def make_folder(path: Path) -> None:
+    """Make a folder, and those it lies in, unless it is there.
+
+    :raises InputError: none can be made.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{path}: no folder can be made there ({error.strerror or error})") from error
+
+
+def _begun(path: Path) -> Path:
+    """The temporary file, empty: that it can be made says that there is a place to write."""
+    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
+    partial.open("wb").close()
+    return partial
+
+
+def _forget(partial: Path) -> None:
+    with suppress(OSError):  # the disk went, and the file with it
         partial.unlink(missing_ok=True)

@@ -1,9 +1,14 @@
-"""Reading a finished recording, stream by stream, as structured arrays."""
+"""Reading a finished recording, stream by stream, as structured arrays.
+
+A recording is held against its seal when it is opened: one that is damaged, or was changed since, is refused with the place.
+"""
 
 from __future__ import annotations
 
 import json
 import os
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +17,13 @@ from numpy.typing import NDArray
 
 from haptics.errors import InputError
 from haptics.recording.hdf5 import SCHEMA
+from haptics.recording.hdf5_file import attribute_of, dataset_at, group_at, reading, text_at, values_at
+from haptics.recording.seal import Seal, check_seal
 from haptics.recording.segments import MAGIC
 from haptics.recording.streams import StreamSpec
+
+_UNSEALED = 1
+"""The last layout that was written without a seal."""
 
 
 class Recording:
@@ -26,24 +36,43 @@ class Recording:
     :ivar complete: the session ended well and nothing is missing.
     :ivar lost_bytes: bytes of the journal that could not be recovered.
     :ivar damage: where and why recovery stopped, or empty.
+    :ivar verified: its bytes are those that were written; of an older layout nobody knows.
     :ivar streams: the streams by name, with fields, units and a description.
+    :ivar counts: rows by stream.
     """
 
-    def __init__(self, path: Path, file: Any):
+    def __init__(self, path: Path, file: Any, verified: bool):
         import h5py
 
-        entry = file["entry"]
-        self.path = path
+        entry = group_at(file, "entry")
+        provenance, attachments = group_at(entry, "provenance"), group_at(entry, "attachments")
+        self.path, self.verified = path, verified
         self.schema = int(file.attrs["haptics_schema"])
-        self.complete = bool(entry.attrs["complete"])
-        self.lost_bytes = int(entry.attrs["lost_bytes"])
-        self.damage = str(entry.attrs["damage"])
-        self.header: dict[str, Any] = json.loads(entry["provenance/header"][()])
-        self.footer: dict[str, Any] = json.loads(entry["provenance/footer"][()]) if "footer" in entry["provenance"] else {}
-        self.blobs = tuple(entry["attachments"])
-        groups = ((name, part) for name, part in entry.items() if isinstance(part, h5py.Group))
-        self.streams = {name: _spec(group) for name, group in groups if "time_ns" in group}
+        self.complete = bool(attribute_of(entry, "complete", np.bool_))
+        self.lost_bytes = int(attribute_of(entry, "lost_bytes", np.integer))
+        self.damage: str = attribute_of(entry, "damage", str)
+        self.header = _object(provenance, "header")
+        self.footer = _object(provenance, "footer") if "footer" in provenance else {}
+        self.blobs = tuple(attachments)
+        self.streams: dict[str, StreamSpec] = {}
+        self.counts: dict[str, int] = {}
+        for name in entry:
+            link = entry.get(name, getlink=True)
+            if isinstance(link, h5py.HardLink) and not isinstance(entry[name], h5py.Group):
+                continue
+            group = group_at(entry, name)
+            if "time_ns" in group:
+                self.streams[name], self.counts[name] = _stream(group, name)
+        self._was = _state(path)
         self._rows: dict[str, NDArray[np.void]] = {}
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What one who uses it has to know: that it is incomplete, that nobody can say whether it is damaged."""
+        found = [] if self.complete else [f"incomplete: {self.damage} ({self.lost_bytes} bytes lost)"]
+        if not self.verified:
+            found.append("unverified: written without checksums, so that damage cannot be seen")
+        return tuple(found)
 
     def __contains__(self, name: object) -> bool:
         return name in self.streams
@@ -51,16 +80,18 @@ class Recording:
     def stream(self, name: str) -> NDArray[np.void]:
         """All rows of a stream ``(n,)`` in the order they were recorded; do not change them.
 
-        :raises InputError: there is no such stream, or the file has become unreadable.
+        :raises InputError: there is no such stream, or the file was changed or has become unreadable.
         """
         if name not in self.streams:
             raise InputError(f"{self.path} has no stream {name!r}; it has {', '.join(self.streams) or 'none'}")
         if name not in self._rows:
-            with _opened(self.path) as file:
-                group = file["entry"][name]
-                rows = np.zeros(len(group["time_ns"]), self.streams[name].dtype)
-                for field in self.streams[name].fields:
-                    rows[field] = group[field][()]
+            spec = self.streams[name]
+            with self._again() as entry:
+                group = group_at(entry, name)
+                columns = {field: values_at(group, field) for field in spec.fields}
+            rows = np.zeros(self.counts[name], spec.dtype)
+            for field, values in columns.items():
+                rows[field] = values
             rows.flags.writeable = False
             self._rows[name] = rows
         return self._rows[name]
@@ -68,21 +99,35 @@ class Recording:
     def blob(self, name: str) -> bytes:
         """An attachment.
 
-        :raises InputError: there is none of that name.
+        :raises InputError: there is none of that name, or the file was changed or has become unreadable.
         """
         if name not in self.blobs:
             raise InputError(f"{self.path} has no attachment {name!r}; it has {', '.join(self.blobs) or 'none'}")
-        with _opened(self.path) as file:
-            return bytes(file["entry/attachments"][name][()])
+        with self._again() as entry:
+            return values_at(group_at(entry, "attachments"), name).tobytes()
+
+    @contextmanager
+    def _again(self) -> Iterator[Any]:
+        with reading(self.path) as file:
+            if _state(self.path) != self._was:
+                raise InputError(f"{self.path} was changed after it was opened; open it again")
+            yield group_at(file, "entry")
 
 
 def load(path: str | os.PathLike[str]) -> Recording:
     """Open a recording.
 
-    :raises InputError: no such file, no recording, an unfinished one, or one of a later version (the message says what to do).
+    :raises InputError: no such file, no recording, an unfinished one, a damaged one (the message says where), or one of a later
+        version (the message says what to do).
     """
     path = Path(path)
-    with _opened(path) as file:
+    found = check_seal(path)
+    if found is not None and not found.whole:
+        raise InputError(f"{path} is damaged, or was changed since it was written: {_listed(found)}")
+    advice = _journal_advice(path)
+    if advice:
+        raise InputError(f"{path} cannot be read as HDF5{advice}")
+    with reading(path) as file:
         schema = file.attrs.get("haptics_schema")
         if schema is None:
             raise InputError(f"{path} is HDF5 but no finished haptics recording: it has no attribute haptics_schema")
@@ -93,21 +138,14 @@ def load(path: str | os.PathLike[str]) -> Recording:
                 f"{path} has layout {schema}; this version of haptics reads layouts 1 to {SCHEMA}: "
                 "open it with a later one (pip install --upgrade haptics)"
             )
-        try:
-            return Recording(path, file)
-        except (KeyError, OSError, TypeError, ValueError) as error:
-            raise InputError(f"{path} is not laid out as a haptics recording: {error}") from error
+        if found is None and schema > _UNSEALED:
+            raise InputError(f"{path} is damaged, or was changed since it was written: the seal at its end is missing")
+        return Recording(path, file, verified=found is not None)
 
 
-def _opened(path: Path) -> Any:
-    import h5py
-
-    try:
-        return h5py.File(path, "r")
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such file") from None
-    except OSError as error:
-        raise InputError(f"{path} cannot be read as HDF5: {error}{_journal_advice(path)}") from error
+def _listed(found: Seal, most: int = 8) -> str:
+    more = len(found.damage) - most
+    return ", ".join(found.damage[:most]) + (f" and {more} more" if more > 0 else "")
 
 
 def _journal_advice(path: Path) -> str:
@@ -116,10 +154,41 @@ def _journal_advice(path: Path) -> str:
             journal = file.read(len(MAGIC)) == MAGIC
     except OSError:
         return ""
-    return "; it is a journal: recover it (haptics recording recover)" if journal else ""
+    return f": it is a journal; recover it: haptics recording recover {path}" if journal else ""
 
 
-def _spec(group: Any) -> StreamSpec:
-    columns = [(name, np.dtype(dataset.dtype.str), dataset.shape[1:]) for name, dataset in group.items()]
-    units = {name: dataset.attrs["units"] for name, dataset in group.items() if "units" in dataset.attrs}
-    return StreamSpec(group.name.rsplit("/", 1)[-1], np.dtype(columns), units, group.attrs.get("description", ""))
+def _state(path: Path) -> tuple[int, int, int]:
+    """What changes with a file; not proof, but files do not change by accident behind the system's back."""
+    try:
+        found = path.stat()
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror or error}") from error
+    return found.st_ino, found.st_size, found.st_mtime_ns
+
+
+def _object(group: Any, name: str) -> dict[str, Any]:
+    """A JSON object kept as text."""
+    text = text_at(group, name)
+    try:
+        data = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{group.file.filename}: {group.name}/{name} is no JSON: {error}") from error
+    if not isinstance(data, Mapping):
+        raise InputError(f"{group.file.filename}: {group.name}/{name} is no JSON object")
+    return dict(data)
+
+
+def _stream(group: Any, name: str) -> tuple[StreamSpec, int]:
+    """What a stream's columns hold, and how many rows they all have."""
+    where = f"{group.file.filename}: {group.name}"
+    columns = {field: dataset_at(group, field) for field in group}
+    rows = {field: column.shape[0] if column.shape else -1 for field, column in columns.items()}
+    if len(set(rows.values())) != 1 or -1 in rows.values():
+        raise InputError(f"{where}: its columns differ in length: {', '.join(f'{k} {n}' for k, n in rows.items())}")
+    units = {field: attribute_of(column, "units", str) for field, column in columns.items() if "units" in column.attrs}
+    description = attribute_of(group, "description", str) if "description" in group.attrs else ""
+    try:
+        row = np.dtype([(field, np.dtype(column.dtype.str), column.shape[1:]) for field, column in columns.items()])
+        return StreamSpec(name, row, units, description), rows["time_ns"]
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{where} is no stream: {error}") from error

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 from haptics.errors import HapticsError, InputError
+from haptics.recording.output import replacing
 
 
 def open_rerun() -> Any:
@@ -22,10 +24,29 @@ def open_rerun() -> Any:
 
 
 @contextmanager
-def strict(rr: Any) -> Iterator[None]:
+def viewer_file(rr: Any, path: Path, force: bool, application: str, number: str, blueprint: Callable[[], Any]) -> Iterator[Any]:
+    """A stream to log to; what was logged becomes the file. The bytes go to the disk by our own hand: rerun waits for ever on
+    one that is full.
+
+    :param number: of the recording, hexadecimal. :param blueprint: the layout of the viewer's windows.
+    :raises InputError: ``path`` exists and ``force`` is not given.
+    :raises HapticsError: there were data that rerun cannot log, or the file cannot be written.
+    """
+    with replacing(path, force) as partial, _strict(rr):
+        stream = rr.RecordingStream(application, recording_id=number, send_properties=False)
+        made = stream.binary_stream()
+        stream.send_blueprint(blueprint(), make_active=False, make_default=True)
+        yield stream
+        stream.flush()
+        partial.write_bytes(made.read() or b"")
+        stream.disconnect()
+
+
+@contextmanager
+def _strict(rr: Any) -> Iterator[None]:
     """Data that rerun cannot log, of which it only warns unless told otherwise, are an error inside.
 
-    :raises HapticsError: there were such data, or the file cannot be written.
+    :raises HapticsError: there were such data.
     """
     before = rr.strict_mode()
     rr.set_strict_mode(True)

@@ -16,9 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from haptics.recording import view_data
-from haptics.recording.output import replacing
 from haptics.recording.recording import Recording
-from haptics.recording.rerun_library import open_rerun, strict
+from haptics.recording.rerun_library import open_rerun, viewer_file
 
 TIMELINE = "session"
 """Time since the session's start."""
@@ -37,14 +36,9 @@ def write_rrd(recording: Recording, path: str | os.PathLike[str], *, force: bool
     rr = open_rerun()
     out = Path(path)
     identity = json.dumps([recording.header, recording.footer], sort_keys=True)
-    with replacing(out, force) as partial, strict(rr):
-        stream = rr.RecordingStream(
-            "haptics", recording_id=hashlib.sha256(identity.encode()).hexdigest()[:32], send_properties=False
-        )
-        stream.save(partial, default_blueprint=_blueprint())
+    number = hashlib.sha256(identity.encode()).hexdigest()[:32]
+    with viewer_file(rr, out, force, "haptics", number, _blueprint) as stream:
         _Writer(rr, stream, recording).write()
-        stream.flush()
-        stream.disconnect()
     return out
 
 

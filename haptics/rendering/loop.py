@@ -10,13 +10,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from haptics.devices import BrakeDriver, TactilesDriver
+from haptics.devices.pace import COMMAND_LEAD_NS, TickSpacing
 from haptics.rendering.grasp_ahead import GraspAhead
 from haptics.rendering.touch_ahead import TouchAhead
 from haptics.scene.clutch_rules import BodyState
 from haptics.scene.contact import PinChange, Touch
 from haptics.scene.effects import GraspEffect
 from haptics.scene.grasp import GraspEvent
-from haptics.scene.hand import HandFrame, check_frame
+from haptics.scene.hand import SIDES, HandFrame
+from haptics.scene.handedness import apparent_side, contradiction
+from haptics.scene.pose_gate import PoseGate
 from haptics.scene.scene import Scene
 from haptics.scene.shapes import Placed
 from haptics.scene.sites import SITE, SITES, SiteMap
@@ -28,6 +31,8 @@ LOST_NS = 100 * NS_PER_MS
 """Without a pose for this long, everything goes off."""
 RULES_EVERY_NS = 5 * NS_PER_MS
 """Clutch rules and body signals are looked at this often: far below the 100 ms in which a clutch acts (thesis 4.7.3)."""
+PATTERN_LEAD_NS = 4 * NS_PER_MS
+"""A pattern's pulses are handed on this long ahead: the command lead and a tick."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,6 +69,8 @@ class RenderLoop:
     :param tactiles: driver of the array, or None where the scene has no use for one.
     :param brake: driver of brakes or clutches, or None.
     :param brake_amplitude_v: cap on a grasp's volts. :param clutch_amplitude_v: cap on a clutch's.
+    :param tick_ns: how often it is to be ticked; ticked half as often or less it says ``overrun``, once a stretch.
+    :param side: of the hand that wears the glove; None follows the one that comes first.
     """
 
     def __init__(
@@ -75,6 +82,8 @@ class RenderLoop:
         leads: Leads,
         brake_amplitude_v: float = 1500.0,
         clutch_amplitude_v: float = 1500.0,
+        tick_ns: int = NS_PER_MS,
+        side: str | None = None,
     ):
         self.scene, self.sites = scene, sites
         self.tactiles, self.brake = tactiles, brake
@@ -106,26 +115,50 @@ class RenderLoop:
         self._ahead: GraspAhead | None = None
         if self._graspable and brake is not None:
             self._ahead = GraspAhead(self._grasps, self._graspable, round(leads.brake_s * NS_PER_S), STALE_NS)
-        self._previous: HandFrame | None = None
+        self._tick_ns, self._spacing, self._overrunning, self._overdue = tick_ns, TickSpacing(), False, 0
+        self._gate = PoseGate(side)
+        self._followed: tuple[str, int] | None = None
         self._pose_ns: int | None = None
         self._quiet = False
+        self._left_out: list[str] = []
         self._events: list[LoopEvent] = []
 
     def begin(self, start_ns: int) -> None:
         """The scene's own clock (motions, signals) reads zero at ``start_ns``."""
         self._start_ns = self._rules_ns = start_ns
 
+    def start_over(self, now_ns: int) -> None:
+        """The devices were armed anew and do nothing yet: what was felt before is over, until a pose from now on says otherwise.
+
+        Pins that stayed out meanwhile, as they are bistable, stay until that pose comes, and go back then.
+        """
+        self._forget(now_ns)
+        self._pose_ns = None
+        if self.tactiles is not None:
+            self._left_out = [site for site, out in zip(self.tactiles.sites, self.tactiles.pins_out(), strict=True) if out]
+
     # Poses ----------------------------------------------------------------------------------------------------------
 
     def submit(self, frame: HandFrame, now_ns: int) -> str | None:
-        """Take a pose that arrived at ``now_ns``; returns why it was refused, or None."""
-        reason = check_frame(frame, self._previous)
+        """Take a pose that arrived at ``now_ns``; returns why it was refused, or None.
+
+        :raises InputError: no ``HandFrame``; one with wrong fields is refused with the reason like any other bad pose.
+        """
+        reason = self._gate.judge(frame, now_ns)
         if reason is not None:
-            self._events.append(LoopEvent(now_ns, "pose_refused", frame.side, "", reason))
+            side = frame.side if isinstance(frame.side, str) and frame.side in SIDES else ""
+            self._events.append(LoopEvent(now_ns, "pose_refused", side, "", reason))
             return reason
-        if self._previous is not None and frame.track_id != self._previous.track_id:
-            self.hand_gone(now_ns)
-        self._previous, self._pose_ns = frame, frame.time_ns
+        if self._gate.starts_anew:
+            self._let_go(now_ns)
+        if (frame.side, frame.track_id) != self._followed:
+            self._followed = (frame.side, frame.track_id)
+            self._note_handedness(frame, now_ns)
+        self._pose_ns = frame.time_ns
+        if self._left_out and self.tactiles is not None:
+            for site in self._left_out:
+                self.tactiles.release(site, now_ns)
+            self._left_out.clear()
         self._move_objects(frame.time_ns)
         positions = self.sites.positions(frame.position_m, frame.orientation_xyzw)
         if self._quiet:
@@ -140,15 +173,22 @@ class RenderLoop:
                 self._patterns.approach(name, nearest_m, now_ns)
         return None
 
+    def _note_handedness(self, frame: HandFrame, now_ns: int) -> None:
+        wrong = contradiction(frame.side, apparent_side(frame.position_m, frame.orientation_xyzw))
+        if wrong is not None:
+            self._events.append(LoopEvent(now_ns, "handedness", frame.side, "", wrong))
+
     def hand_gone(self, now_ns: int) -> None:
         """The tracker says that the hand is no longer there: let go of everything, quietly."""
         self._let_go(now_ns)
-        self._previous = self._pose_ns = None
+        self._gate.forget()
+        self._pose_ns = None
 
     # Ticks ----------------------------------------------------------------------------------------------------------
 
     def tick(self, now_ns: int) -> None:
         """One period: watchdog, what was decided, patterns, rules, drivers."""
+        self._watch_pace(now_ns)
         if self._pose_ns is not None and not self._quiet and now_ns - self._pose_ns > LOST_NS:
             self._go_quiet(now_ns)
         if self._touchable and not self._quiet:
@@ -161,7 +201,8 @@ class RenderLoop:
         if self._ahead is not None and not self._quiet:
             self._anticipate(now_ns)
         if self.tactiles is not None:
-            for time_ns, site, _ in self._patterns.due(now_ns, now_ns + 4 * NS_PER_MS):
+            ahead_ns = PATTERN_LEAD_NS + self._spacing.lead_ns - COMMAND_LEAD_NS
+            for time_ns, site, _ in self._patterns.due(now_ns, now_ns + ahead_ns):
                 self.tactiles.pulse(SITES[site], now_ns, time_ns)
         if self._rules is not None and now_ns >= self._rules_ns:
             self._rules_ns = now_ns + RULES_EVERY_NS
@@ -238,7 +279,7 @@ class RenderLoop:
         if effect.brakes:
             volts = min(effect.amplitude_v, self._amplitude_v)
             for finger in self._fingers:
-                self.brake.engage(finger, volts, now_ns, frequency_hz=effect.frequency_hz)
+                self.brake.engage(finger, volts, now_ns, frequency_hz=min(effect.frequency_hz, self.brake.max_frequency_hz))
         if effect.piezo and effect.piezo_s > 0:
             self.brake.piezo(self._fingers, effect.piezo_s, now_ns)
 
@@ -284,18 +325,37 @@ class RenderLoop:
             self._events.append(LoopEvent(now_ns, "resumed"))
 
     def _let_go(self, now_ns: int) -> None:
-        self._touch_ahead.forget()
-        if self._ahead is not None:
-            self._ahead.forget()
-        self._apply(*self._contacts.release_all(now_ns), now_ns)
-        self._patterns.stop()
-        for event in self._grasps.let_go(now_ns):
-            self._grasp_changed(event, now_ns)
+        self._apply([], self._forget(now_ns), now_ns)
         if self.tactiles is not None:
             self.tactiles.withdraw_all(now_ns)
         if self.brake is not None:
             self.brake.release_all(now_ns)
+
+    def _forget(self, now_ns: int) -> list[PinChange]:
+        """Nothing touches, holds or plays any more; returns the pins that this lets go of."""
+        self._touch_ahead.forget()
+        if self._ahead is not None:
+            self._ahead.forget()
+        touches, pins = self._contacts.release_all(now_ns)
+        self._apply(touches, [], now_ns)
+        self._patterns.stop()
+        for event in self._grasps.let_go(now_ns):
+            self._grasp_changed(event, now_ns)
         self._engaged = frozenset()
+        return pins
+
+    def _watch_pace(self, now_ns: int) -> None:
+        """Say when ticks come too seldom, at once, and once until they come often again."""
+        self._spacing.observe(now_ns)
+        was, spacing_ns = self._overrunning, self._spacing.ns
+        self._overrunning = spacing_ns >= (1.5 if was else 2.0) * self._tick_ns
+        if was or not self._overrunning:
+            return
+        overdue = 0 if self.tactiles is None else self.tactiles.overdue
+        late, self._overdue = overdue - self._overdue, overdue
+        came_late = f"{late} pulse{'s' * (late != 1)} came late; " if late else ""
+        seen = f"ticked every {spacing_ns / NS_PER_MS:.3g} ms; {came_late}tick every {self._tick_ns / NS_PER_MS:.3g} ms"
+        self._events.append(LoopEvent(now_ns, "overrun", "", "", seen))
 
 
 def _can_be_touched(scene: Scene, name: str) -> bool:

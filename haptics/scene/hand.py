@@ -9,56 +9,31 @@ from __future__ import annotations
 
 import heapq
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from haptics.errors import InputError
+from haptics.scene.joints import FINGERS as FINGERS, JOINT, JOINTS, NOMINAL_RADIUS_M, SIDES, joint_index
+from haptics.scene.shown import shown
+from haptics.scene.well_formed import ill_formed
 from haptics.time import NS_PER_S
 
 Floats = NDArray[np.float64]
-
-FINGERS = ("thumb", "index", "middle", "ring", "little")
-JOINTS: tuple[str, ...] = (
-    "palm",
-    "wrist",
-    *(f"thumb_{part}" for part in ("metacarpal", "proximal", "distal", "tip")),
-    *(f"{finger}_{part}" for finger in FINGERS[1:] for part in ("metacarpal", "proximal", "intermediate", "distal", "tip")),
-)
-JOINT = {name: index for index, name in enumerate(JOINTS)}
-SIDES = ("left", "right")
 
 FARTHEST_M = 10.0
 """No joint lies farther than this from the tracker's origin, along any axis (assumed; a tracked room is smaller)."""
 FASTEST_M_S = 5.0
 """A joint that moves faster than this between two frames has jumped, not moved."""
+NEAREST_M, WIDEST_M = 0.02, 0.5
+"""How far a hand's farthest joint is from its palm, at least and at most (assumed; an adult's fingers reach 0.1 to 0.15 m).
+Less is no hand but a tracker's way to say that it lost one, more is another unit or a joint gone astray."""
+LARGE_SHARE = 0.2
+"""Where this share of a recording's poses, or more, must be refused, it is no recording of a hand with a fault here and there."""
 NORM_TOLERANCE = 0.01
 """How far a unit quaternion's norm may be from one; single precision over a network keeps it within 1e-6."""
-
-
-def _nominal_radius_m() -> Floats:
-    """Half the thickness of an adult hand at each joint, metres, shape (26,); assumed, as a tracker may not say."""
-    of_part = {"palm": 0.014, "wrist": 0.022, "metacarpal": 0.014, "proximal": 0.010, "intermediate": 0.009}
-    radius = np.array([of_part.get(name.split("_")[-1], 0.008) for name in JOINTS])
-    radius.flags.writeable = False
-    return radius
-
-
-NOMINAL_RADIUS_M = _nominal_radius_m()
-
-
-def joint_index(name: str) -> int:
-    """The place of a joint in ``JOINTS``; OpenXR and WebXR spellings are understood, and ``pinky`` is ``little``.
-
-    :raises InputError: no such joint.
-    """
-    plain = str(name).lower().replace("-", "_").removeprefix("xr_hand_joint_").removesuffix("_ext")
-    plain = plain.replace("_finger", "").replace("_phalanx", "").replace("pinky", "little")
-    if plain not in JOINT:
-        raise InputError(f"joint = {name!r} is not allowed; allowed: {', '.join(JOINTS)}, or WebXR's names for them")
-    return JOINT[plain]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -122,6 +97,25 @@ class HandTrack:
             yield HandFrame(time_ns, self.side, self.track_id, position_m, orientation_xyzw, radius_m=self.radius_m)
 
 
+@dataclass(frozen=True, slots=True)
+class RefusedPose:
+    """A pose that a recording has and that must not move anything.
+
+    :param time_ns: when it was sampled, from the recording's first frame; None where that is not known.
+    :param side: ``left`` or ``right``; None where that is not known.
+    :param reason: why, with the joint or the place in the file.
+    """
+
+    time_ns: int | None
+    side: str | None
+    reason: str
+
+
+def too_many_refused(refused: int, poses: int) -> bool:
+    """Whether ``refused`` of ``poses`` are a share that spoils the whole."""
+    return refused >= LARGE_SHARE * poses
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class HandRecording:
     """Hands recorded by one tracker; time zero is the first frame.
@@ -131,6 +125,8 @@ class HandRecording:
     :param frame_count: the tracker's frames, with or without a hand in them.
     :param duration_s: from the first frame to the last.
     :param dropped: what was left out while reading, and how often.
+    :param refused: poses that could not be read.
+    :param notes: what was taken for granted while reading, in sentences for people.
     """
 
     source: str
@@ -138,6 +134,8 @@ class HandRecording:
     frame_count: int
     duration_s: float
     dropped: Mapping[str, int] = field(default_factory=dict)
+    refused: tuple[RefusedPose, ...] = ()
+    notes: tuple[str, ...] = ()
 
     def of_side(self, side: str) -> tuple[HandTrack, ...]:
         """The tracks of one side, in the order in which they begin."""
@@ -166,8 +164,11 @@ def with_palm(position_m: ArrayLike, orientation_xyzw: ArrayLike) -> tuple[Float
     :param position_m: (..., 25, 3), metres, ``JOINTS`` from ``wrist`` on.
     :param orientation_xyzw: (..., 25, 4).
     :return: (..., 26, 3) and (..., 26, 4).
+    :raises InputError: other shapes.
     """
     position, orientation = np.asarray(position_m, float), np.asarray(orientation_xyzw, float)
+    if position.shape[-2:] != (25, 3) or orientation.shape[-2:] != (25, 4) or position.shape[:-2] != orientation.shape[:-2]:
+        raise InputError(f"shapes {position.shape} and {orientation.shape}; allowed: (..., 25, 3) and (..., 25, 4)")
     metacarpal, proximal = JOINT["middle_metacarpal"] - 1, JOINT["middle_proximal"] - 1
     palm = 0.5 * (position[..., metacarpal, :] + position[..., proximal, :])
     return (
@@ -181,19 +182,26 @@ def frame_of_joints(
 ) -> HandFrame:
     """A frame from named joints, each a position (3,) in metres and an orientation (4,); the palm may be missing.
 
-    :raises InputError: an unknown side or joint, one given twice or missing, or not of that shape.
+    Whether the numbers are a hand's is not asked here but by ``check_frame``.
+
+    :raises InputError: an unknown side or joint, one given twice, missing or null, or not of that shape.
     """
-    if side not in SIDES:
-        raise InputError(f"side = {side!r} is not allowed; allowed: {', '.join(SIDES)}")
+    if not isinstance(side, str) or side not in SIDES:
+        raise InputError(f"side = {shown(side)} is not allowed; allowed: {', '.join(SIDES)}")
+    if not isinstance(joints, Mapping):
+        raise InputError(f"joints is {shown(joints)}; allowed: position and orientation by the joint's name")
     position, orientation, seen = np.zeros((26, 3)), np.zeros((26, 4)), set[int]()
-    for name, (joint_position, joint_orientation) in joints.items():
+    for name, pose in joints.items():
         index = joint_index(name)
         if index in seen:
             raise InputError(f"joint = {name!r} is given twice; allowed: each joint once")
-        try:
-            position[index], orientation[index] = joint_position, joint_orientation
-        except (TypeError, ValueError) as error:
-            raise InputError(f"joint {name!r} is not a position and a quaternion; allowed: 3 and 4 numbers") from error
+        if not isinstance(pose, Sequence) or len(pose) != 2:
+            raise InputError(
+                f"joint {name!r} is {shown(pose)}; allowed: a position and an orientation; "
+                "where the tracker has lost it, hand in no pose, or one with valid=False"
+            )
+        position[index] = _vector(pose[0], 3, f"the position of joint {name!r}")
+        orientation[index] = _vector(pose[1], 4, f"the orientation of joint {name!r}")
         seen.add(index)
     missing = [name for name in JOINTS[1:] if JOINT[name] not in seen]
     if missing:
@@ -203,42 +211,77 @@ def frame_of_joints(
     return HandFrame(time_ns, side, track_id, position, orientation, valid)
 
 
+def _vector(value: ArrayLike, count: int, what: str) -> Floats:
+    try:
+        vector = np.asarray(value)
+    except ValueError:  # lists of unequal length
+        vector = np.empty(0, object)
+    if vector.shape != (count,) or vector.dtype.kind not in "fiu":
+        raise InputError(f"{what} is {shown(value)}; allowed: {count} numbers (3 and 4 numbers a joint)")
+    return vector.astype(float)
+
+
 def check_frame(frame: HandFrame, previous: HandFrame | None) -> str | None:
     """Why a pose must not move anything, or ``None`` if it may.
 
-    Refused: one the tracker does not vouch for, other shapes, numbers that are not finite, joints beyond ``FARTHEST_M``,
-    quaternions that are not of unit length, a time that does not increase, and, within one track, a joint faster than
-    ``FASTEST_M_S`` since ``previous``.
+    Refused: what is not of a frame's types and shapes, one the tracker does not vouch for, numbers that are not finite, joints
+    beyond ``FARTHEST_M``, quaternions that are not of unit length, joints all in one point or farther than ``WIDEST_M`` from the
+    palm, a time that does not increase, and, within one track, a joint faster than ``FASTEST_M_S`` since ``previous``.
 
     :param previous: the last frame of this hand that was accepted.
     """
-    position, orientation = frame.position_m, frame.orientation_xyzw
+    wrong = ill_formed(frame)
+    if wrong is not None:
+        return wrong
     if not frame.valid:
         return "the tracker does not vouch for the pose"
-    if position.shape != (26, 3) or orientation.shape != (26, 4):
-        return f"shapes {position.shape} and {orientation.shape}; allowed: (26, 3) and (26, 4)"
+    position, orientation = frame.position_m, frame.orientation_xyzw
     # Worst first, by argmax, which takes a NaN for the greatest; comparisons that a NaN fails.
     joint, axis = divmod(int(np.abs(position).argmax()), 3)
     if not abs(position[joint, axis]) <= FARTHEST_M:
         where = f"{JOINTS[joint]} lies at {position[joint, axis]:g} m along {'xyz'[axis]}; allowed: within {FARTHEST_M:g} m"
-        return where if np.isfinite(position).all() else "a number is not finite"
+        return where if np.isfinite(position).all() else f"the position of {_not_finite(position)} is not finite"
     norm = np.sqrt(np.vecdot(orientation, orientation))
     joint = int(np.abs(norm - 1.0).argmax())
     if not abs(norm[joint] - 1.0) <= NORM_TOLERANCE:
         length = f"the quaternion of {JOINTS[joint]} has norm {norm[joint]:g}; allowed: 1 within {NORM_TOLERANCE:g}"
-        return length if np.isfinite(orientation).all() else "a number is not finite"
+        return length if np.isfinite(orientation).all() else f"the quaternion of {_not_finite(orientation)} is not finite"
+    reach = position - position[JOINT["palm"]]
+    reach_m2 = np.vecdot(reach, reach)
+    joint = int(reach_m2.argmax())
+    if not NEAREST_M**2 <= reach_m2[joint] <= WIDEST_M**2:
+        return _not_a_hands_size(joint, math.sqrt(reach_m2[joint]), position[JOINT["palm"]])
     if previous is None:
         return None
     if frame.time_ns <= previous.time_ns:
         return f"its time {frame.time_ns} ns does not follow {previous.time_ns} ns"
+    return jump_between(previous, frame)
+
+
+def jump_between(previous: HandFrame, frame: HandFrame) -> str | None:
+    """Which joint moved faster than ``FASTEST_M_S`` from a frame to a later one of its track, in words, or None."""
     if frame.track_id == previous.track_id and frame.side == previous.side:
-        step = position - previous.position_m
+        step = frame.position_m - previous.position_m
         moved_m2 = np.vecdot(step, step)
         joint = int(moved_m2.argmax())
         speed_m_s = math.sqrt(moved_m2[joint]) * NS_PER_S / (frame.time_ns - previous.time_ns)
         if speed_m_s > FASTEST_M_S:
             return f"{JOINTS[joint]} jumped at {speed_m_s:.3g} m/s; allowed: up to {FASTEST_M_S:g} m/s"
     return None
+
+
+def _not_finite(array: Floats) -> str:
+    return JOINTS[int(np.isfinite(array).all(axis=1).argmin())]
+
+
+def _not_a_hands_size(joint: int, reach_m: float, palm_m: Floats) -> str:
+    if reach_m < NEAREST_M:
+        where = ", ".join(f"{part:g}" for part in palm_m)
+        return (
+            f"no hand has its joints in one point: all lie within {reach_m * 1e3:.3g} mm of the palm at {where} m; "
+            f"allowed: the farthest from {NEAREST_M * 1e3:g} mm on"
+        )
+    return f"{JOINTS[joint]} lies {reach_m:.3g} m from the palm; allowed: up to {WIDEST_M:g} m; is the unit metres?"
 
 
 def mirrored(frame: HandFrame) -> HandFrame:

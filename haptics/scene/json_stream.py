@@ -1,67 +1,102 @@
-"""A large JSON object from a file nobody vouches for, piece by piece.
+"""Large JSON from a file nobody vouches for, value by value.
 
-Text is read, and decompressed if it is gzip, in small chunks, and one value is decoded at a time, so that a file that unpacks
-to gigabytes, nests a million deep or ends half way is refused early and in little memory.
+What counts are the items of one list. It may be a member of an object, or stand alone, or its items may follow each other
+without a list, as programs write that add a line for each. Text is read in pieces and one value is decoded at a time, so that
+a file that unpacks to gigabytes, nests a million deep or ends half way is refused early and in little memory.
 """
 
 from __future__ import annotations
 
-import codecs
-import gzip
+import itertools
 import json
 import math
 import re
-import zlib
-from collections.abc import Callable, Iterator
-from contextlib import closing
+from collections.abc import Generator, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn
 
 from haptics.errors import InputError
+from haptics.scene.text_source import Text, open_text
 
-LARGEST_FILE_BYTES = 256 << 20
-"""Text beyond this is refused; some six minutes of two hands as a Leap Motion controller writes them."""
 LARGEST_VALUE_CHARS = 1 << 20
-"""One frame, or one other member of the object, is at most this long; a frame of two hands takes 8 thousand."""
+"""One frame, another member, or what stands before the list is at most this long; a frame of two hands takes 8 thousand."""
+LEAST_PIECE_CHARS = 256 << 10
 MOST_MEMBERS = 100
-"""The object has at most this many members; two are used."""
-_CHUNK_BYTES = 256 << 10
-_GZIP_MAGIC = b"\x1f\x8b"
+"""An object has at most this many members; two are used."""
 _BLANK = re.compile(r"[ \t\r\n]*")
 
 
-def read_members(path: Path, array: str) -> Iterator[tuple[str, int | None, object]]:
-    """The members of the object in ``path`` as ``(name, None, value)``; those of the list ``array`` as ``(array, index, value)``.
+@dataclass(frozen=True, slots=True)
+class Item:
+    """One item of the list, or one object that stands by itself.
 
-    :raises InputError: not a file that can be read; not one JSON object; NaN or Infinity in it; a limit passed. The message
-        names the place, what was seen and what is allowed.
+    :param place: where it is, such as ``frames[3]``.
+    :param broken: why ``value`` is not to be used: a number in it is none. Empty where it may be.
     """
-    try:
-        if not path.is_file():
-            what = "is a folder or a device" if path.exists() else "does not exist"
-            raise InputError(f"it {what}; allowed: a file")
-        plain = path.open("rb")
-        with closing(plain):
-            packed = plain.read(2) == _GZIP_MAGIC
-            plain.seek(0)
-            with gzip.open(plain) if packed else plain as file:
-                yield from _Reader(file.read).members(array)
-    except OSError as error:  # gzip's complaint about its header is one of these
-        raise InputError(f"it cannot be read: {error}; allowed: JSON, plain or gzip") from error
+
+    place: str
+    value: object
+    broken: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Member:
+    """Another member of the object that has the list."""
+
+    name: str
+    value: object
+
+
+def read_items(path: Path, array: str) -> Iterator[Item | Member]:
+    """The items of the list ``array`` in ``path``, and the members beside it.
+
+    :raises InputError: not a file that can be read; not JSON of that form; NaN or Infinity in a member; a limit passed. The
+        message names the place, what was seen and what is allowed.
+    """
+    with open_text(path) as text:
+        yield from _Reader(text).items(array)
 
 
 class _Reader:
     """A window on the text that moves forward only."""
 
-    def __init__(self, read: Callable[[int], bytes]):
-        self._read = read
+    def __init__(self, text: Text):
+        self._text = text
         self._decoder = json.JSONDecoder(parse_constant=self._note_constant)
-        self._to_text = codecs.getincrementaldecoder("utf-8-sig")()
-        self._window, self._at, self._before, self._bytes, self._ended = "", 0, 0, 0, False
+        self._window, self._at, self._before, self._ended = "", 0, 0, False
         self._place, self._constant = "the file", ""
 
-    def members(self, array: str) -> Iterator[tuple[str, int | None, object]]:
-        self._expect("{", "the file")
+    def items(self, array: str) -> Iterator[Item | Member]:
+        mark, what = self._next(), "object"
+        if mark == "[":
+            yield from self._list(array)
+            what = "list"
+        else:
+            for number in itertools.count():
+                has_list = yield from self._object(array, f"objects[{number}]")
+                if has_list or not self._next():
+                    break
+        self._place = "the end"
+        if self._next():
+            self._refuse(f"{self._next()!r} follows the {what}; allowed: nothing")
+
+    def _list(self, array: str) -> Iterator[Item]:
+        self._expect("[", array)
+        for index, _ in enumerate(self._separated("]")):
+            place = f"{array}[{index}]"
+            value = self._value(place)
+            yield Item(place, value, self._broken(value))
+
+    def _object(self, array: str, place: str) -> Generator[Item | Member, None, bool]:
+        """The items of its list and its other members; or, of an object without that list, the whole as one item.
+
+        Returns whether it has the list.
+        """
+        first = place == "objects[0]"
+        self._expect("{", "the file" if first else place, "'{' or '['" if first else "'{'")
+        began, has_list, broken = self._before + self._at, False, ""
+        members: dict[str, object] = {}
         seen: set[str] = set()
         for _ in self._separated("}"):
             name = self._value("a member's name")
@@ -72,16 +107,28 @@ class _Reader:
             if len(seen) == MOST_MEMBERS:
                 self._refuse(f"the object goes on beyond the allowed {MOST_MEMBERS} members")
             seen.add(name)
-            self._expect(":", name[:40])
-            if name != array:
-                yield name, None, self._value(name[:40])
+            at = name[:40] if first else f"{place}.{name[:40]}"
+            self._expect(":", at)
+            if name == array:
+                if broken:
+                    raise InputError(broken)
+                has_list = True
+                yield from (Member(*member) for member in members.items())
+                yield from self._list(array)
                 continue
-            self._expect("[", array)
-            for index, _ in enumerate(self._separated("]")):
-                yield array, index, self._value(f"{array}[{index}]")
-        self._place = "the end"
-        if self._next():
-            self._refuse(f"{self._next()!r} follows the object; allowed: nothing")
+            members[name] = self._value(at)
+            broken = broken or self._broken(members[name])
+            if has_list:
+                if broken:
+                    raise InputError(broken)
+                yield Member(name, members.pop(name))
+            elif self._before + self._at - began > LARGEST_VALUE_CHARS:
+                self._refuse(
+                    f"the object goes on beyond the allowed {LARGEST_VALUE_CHARS} characters with no list {array!r} in it"
+                )
+        if not has_list:
+            yield Item(place, members, broken)
+        return has_list
 
     def _separated(self, closing_mark: str) -> Iterator[None]:
         """Stop before each of the items between commas, up to the closing mark."""
@@ -97,11 +144,11 @@ class _Reader:
             if mark == closing_mark:
                 return
 
-    def _expect(self, mark: str, place: str) -> None:
+    def _expect(self, mark: str, place: str, allowed: str = "") -> None:
         self._place = place
         seen = self._next()
         if seen != mark:
-            self._refuse(f"{seen!r} seen; allowed: {mark!r}" if seen else f"the file ends; allowed: {mark!r}")
+            self._refuse(f"{seen!r} seen; allowed: {allowed or repr(mark)}" if seen else f"the file ends; allowed: {mark!r}")
         self._at += 1
 
     def _next(self) -> str:
@@ -134,8 +181,6 @@ class _Reader:
                 if end < len(self._window) or not self._more():
                     if end - self._at > LARGEST_VALUE_CHARS:
                         self._refuse(f"it is longer than the allowed {LARGEST_VALUE_CHARS} characters")
-                    if self._constant:
-                        self._refuse_constant(value)
                     self._at = end
                     return value
 
@@ -145,38 +190,33 @@ class _Reader:
             return False
         try:
             # As much again as a value in hand already takes, so that decoding it anew stays linear in its length.
-            data = self._read(max(_CHUNK_BYTES, len(self._window) - self._at))
-        except (EOFError, zlib.error, gzip.BadGzipFile) as error:
-            self._refuse(f"the gzip data is broken: {error}; allowed: whole gzip data")
-        self._bytes += len(data)
-        if self._bytes > LARGEST_FILE_BYTES:
-            self._refuse(f"the text is longer than the allowed {LARGEST_FILE_BYTES >> 20} MiB")
-        self._ended = not data
-        try:
-            text = self._to_text.decode(data, final=self._ended)
-        except UnicodeDecodeError as error:
-            self._refuse(f"byte {error.object[error.start]:#04x} is not UTF-8: {error.reason}")
+            text = self._text(max(LEAST_PIECE_CHARS, len(self._window) - self._at))
+        except InputError as error:
+            self._refuse(str(error))
+        self._ended = not text
         self._before += self._at
         self._window = self._window[self._at :] + text
         self._at = 0
-        return not self._ended or bool(text)
+        return not self._ended
 
     def _note_constant(self, name: str) -> float:
         self._constant = self._constant or name
         return math.nan
 
-    def _refuse_constant(self, value: object) -> NoReturn:
-        """NaN and Infinity are no JSON; say where the first one stands."""
-        left = [(self._place, value)]
+    def _broken(self, value: object) -> str:
+        """NaN and Infinity are no JSON: where the first one stands in the value that was just read, or empty."""
+        if not self._constant:
+            return ""
+        place, left = self._place, [(self._place, value)]
         while left:
-            self._place, value = left.pop()
+            place, value = left.pop()
             if value != value:
                 break
             if isinstance(value, dict):
-                left += reversed([(f"{self._place}.{key}", part) for key, part in value.items()])
+                left += reversed([(f"{place}.{key}", part) for key, part in value.items()])
             elif isinstance(value, list):
-                left += reversed([(f"{self._place}[{index}]", part) for index, part in enumerate(value)])
-        self._refuse(f"{self._constant} is not allowed; allowed: finite numbers")
+                left += reversed([(f"{place}[{index}]", part) for index, part in enumerate(value)])
+        return f"{place}: {self._constant} is not allowed; allowed: finite numbers"
 
     def _refuse_text(self, error: json.JSONDecodeError, left: int) -> NoReturn:
         where = f"at character {self._before + error.pos}"

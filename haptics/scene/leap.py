@@ -1,4 +1,7 @@
-"""Recordings of a Leap Motion controller, as LeapJS writes them (protocol version 6), ``.json`` or ``.json.gz``.
+"""Recordings of a Leap Motion controller, as LeapJS and programs around it write them; told by content, not by name or label.
+
+Frames may be the list ``frames`` of an object, a list alone, or follow each other line by line, bare or as events with a
+``frame`` in them; as objects or as packed rows; plain, gzip or lz-string (``docs/reference/hands.md``).
 
 The device's basis is OpenXR's (right-handed, +Y up, +Z toward the user) in millimetres and microseconds. It reports four
 points a finger and the palm. What OpenXR has beyond them is estimated:
@@ -9,45 +12,45 @@ points a finger and the palm. What OpenXR has beyond them is estimated:
 - the other metacarpals begin ``METACARPAL_SHARE`` of the way from the knuckle to the wrist (assumed, likewise);
 - orientations come from the bones' directions and the palm's normal (``haptics.scene.bones``).
 
-Poses are not judged here: a hand that jumps is loaded as recorded, and ``check_frame`` refuses it where it would move things.
+A pose that cannot be read, and a frame out of order in time, are left out and kept in ``refused``; where they are a large share
+the file is refused. Whether a pose is one that a hand can have is not judged here but by ``haptics.scene.motion``.
 """
 
 from __future__ import annotations
 
-import math
+from array import array
 from collections import Counter
 from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
-from typing import TypeVar
 
 import numpy as np
 
 from haptics.errors import InputError
 from haptics.scene.bones import orientations
-from haptics.scene.hand import FARTHEST_M, FINGERS, JOINT, NOMINAL_RADIUS_M, SIDES, Floats, HandRecording, HandTrack
-from haptics.scene.json_stream import read_members
+from haptics.scene.foreign import foreign_members
+from haptics.scene.hand import FINGERS, JOINT, NOMINAL_RADIUS_M, Floats, HandRecording, HandTrack, RefusedPose, too_many_refused
+from haptics.scene.json_stream import Item, Member, read_items
+from haptics.scene.leap_frame import Seen, of_type, read_frame
+from haptics.scene.packed_rows import check_schema, unpacked
+from haptics.scene.time_order import in_order, why_not
 from haptics.time import NS_PER_MS, NS_PER_S, NS_PER_US
 
-Kind = TypeVar("Kind")
-
 PROTOCOL_VERSION = 6
+"""The version whose frames have all that is needed; what a file says of it is a hint and no more."""
 TRACK_GAP_NS = 100 * NS_PER_MS
 """A hand unseen for longer than this comes back as a new track."""
-LONGEST_S = 3600.0
-"""A recording is at most this long; a later time stamp is a broken one."""
 WRIST_BEHIND_PALM = 1.5
 METACARPAL_SHARE = 0.72
-FARTHEST_MM = FARTHEST_M * 1e3
-WIDEST_FINGER_MM = 100.0
-_LATEST_US = 2**53  # beyond it a JSON reader that uses doubles cannot tell microseconds apart
+HOPELESS = 1000
+"""So many refused poses, a large share so far, and no more of the file is read."""
 
-_POINTS = ("mcpPosition", "pipPosition", "dipPosition", "tipPosition")
+_HEADERS = frozenset({"version", "serviceVersion", "state", "event"})
 
 
 @dataclass
 class _OpenTrack:
-    """What has been read of a hand so far: times, and rows of palm, normal, direction, 20 finger points, 5 widths."""
+    """What has been read of a hand so far: times, and rows as in ``leap_frame.Seen``."""
 
     side: str
     time_ns: list[int] = field(default_factory=list)
@@ -58,130 +61,151 @@ def load_leap(path: str | PathLike[str]) -> HandRecording:
     """The recording in ``path``. Its time zero is the first frame.
 
     Left out, and counted in ``dropped``: frames that repeat a time stamp, hands without all five fingers, pointables whose
-    hand is not in the frame, and tools.
+    hand is not in the frame, and tools. Left out, and listed in ``refused``: poses with a value that is missing, of the wrong
+    type or out of range, and frames out of order in time.
 
-    :raises InputError: the file cannot be read, is not version 6, or a value in it is missing, of the wrong type or out of
-        range, or time goes back; the message names the frame, the key, the value and what is allowed.
+    :raises InputError: the file cannot be read, is no recording of hands, or a large share of it is refused; the message names
+        the place, the value and what is allowed, or what the file is instead.
     """
     path = Path(path)
     try:
-        return _read(path)
+        return _Reading(path).recording()
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
 
 
-def _read(path: Path) -> HandRecording:
-    latest: dict[tuple[int, str], _OpenTrack] = {}
-    tracks: list[_OpenTrack] = []
-    dropped: Counter[str] = Counter()
-    version: int | None = None
-    first_ns = last_ns = -1
-    frame_count = 0
-    for name, index, value in read_members(path, "frames"):
-        if name == "metadata":
-            version = _version(value)
-        if name != "frames":
-            continue
-        place = f"frames[{index}]"
-        frame = _of_type(value, place, dict, "an object")
-        device_ns = _time_ns(frame, place, first_ns, last_ns)
-        if device_ns == last_ns:
-            dropped["frames that repeat a time stamp"] += 1
-            continue
-        first_ns, last_ns = device_ns if first_ns < 0 else first_ns, device_ns
-        frame_count += 1
-        for device_id, side, row in _hands(frame, place, dropped):
-            track = latest.get((device_id, side))
-            if track is None or device_ns - first_ns - track.time_ns[-1] > TRACK_GAP_NS:
-                track = latest[device_id, side] = _OpenTrack(side)
+class _Reading:
+    """A file on its way to a recording."""
+
+    def __init__(self, path: Path):
+        self._source = path.name
+        self._version: object = None
+        self._schema: list | None = None
+        self._frame_ns, self._places = array("q"), array("q")
+        self._place = "frames[{}]"
+        self._seen: list[tuple[int, Seen]] = []
+        self._dropped: Counter[str] = Counter()
+        self._refused: list[tuple[int | None, str | None, str]] = []  # device's time where it is known, side, reason
+        self._foreign: str | None = None
+        for number, item in enumerate(read_items(path, "frames")):
+            if isinstance(item, Item):
+                self._take(item)
+            else:
+                self._take_member(item)
+            if number % HOPELESS == 0 and len(self._refused) >= HOPELESS:
+                self._check_share()
+
+    def _take_member(self, member: Member) -> None:
+        if member.name == "metadata" and member.value is not None:
+            self._version = of_type(member.value, "metadata", dict, "an object").get("protocolVersion")
+
+    def _take(self, item: Item) -> None:
+        place, value = item.place, item.value
+        if isinstance(value, dict) and place.startswith("objects"):
+            self._place = "objects[{}]"
+            if "hands" not in value and isinstance(value.get("frame"), dict):
+                place, value = f"{place}.frame", value["frame"]
+            elif "hands" not in value and value.keys() & _HEADERS:
+                self._version = value.get("version", self._version)
+                return
+            elif not value.keys() & {"hands", "timestamp"}:
+                self._foreign = self._foreign or foreign_members(value)
+                which = "" if place == "objects[0]" else f"{place} is no frame, and "
+                self._refused.append((None, None, f"{which}frames is missing or empty; allowed: at least one frame"))
+                return
+        if isinstance(value, list) and place == "frames[0]":
+            self._schema = self._checked_schema(value, place)
+            return
+        try:
+            if item.broken:
+                raise InputError(item.broken)
+            frame = read_frame(value if self._schema is None else unpacked(self._schema, value, place), place, self._dropped)
+        except InputError as error:
+            self._foreign = self._foreign or foreign_members(value)
+            self._refused.append((None, None, str(error)))
+            return
+        self._seen += [(len(self._frame_ns), hand) for hand in frame.hands]
+        self._refused += [(frame.time_ns, side, reason) for side, reason in frame.refused]
+        self._frame_ns.append(frame.time_ns)
+        self._places.append(int(item.place[item.place.index("[") + 1 : -1]))
+
+    def _checked_schema(self, value: list, place: str) -> list:
+        try:
+            return check_schema(value, place)
+        except InputError as error:
+            what = foreign_members(value)
+            raise InputError(f"{what}; seen: {error}") if what else error from None
+
+    def recording(self) -> HandRecording:
+        time_ns = np.array(self._frame_ns, np.int64)
+        keep = in_order(time_ns)
+        self._leave_out(time_ns, keep)
+        self._check_share()
+        if not keep.any():
+            raise InputError("frames is missing or empty; allowed: at least one frame")
+        kept_ns = time_ns[keep]
+        first_ns, last_ns = int(kept_ns[0]), int(kept_ns[-1])
+        return HandRecording(
+            source=self._source,
+            tracks=self._tracks((time_ns - first_ns).tolist()),
+            frame_count=len(kept_ns),
+            duration_s=(last_ns - first_ns) / NS_PER_S,
+            dropped=dict(self._dropped),
+            refused=tuple(RefusedPose(None if at is None else at - first_ns, side, reason) for at, side, reason in self._refused),
+            notes=self._notes(),
+        )
+
+    def _leave_out(self, time_ns: np.ndarray, keep: np.ndarray) -> None:
+        if keep.all():
+            return
+        kept = set(time_ns[keep].tolist())
+        sides: dict[int, list[str]] = {}
+        for index, hand in self._seen:
+            if not keep[index]:
+                sides.setdefault(index, []).append(hand.side)
+        self._seen = [(index, hand) for index, hand in self._seen if keep[index]]
+        for index in np.flatnonzero(~keep).tolist():
+            at_ns = int(time_ns[index])
+            if at_ns in kept:
+                self._dropped["frames that repeat a time stamp"] += 1
+                continue
+            place = self._place.format(self._places[index])
+            reason = f"{place}.timestamp = {at_ns / NS_PER_US:.16g} us {why_not(time_ns, keep, index)}"
+            self._refused += [(None, side, reason) for side in sides.get(index, [])]
+            if index not in sides:
+                self._dropped["frames without a hand, out of order in time"] += 1
+
+    def _check_share(self) -> None:
+        if self._refused and too_many_refused(len(self._refused), len(self._refused) + len(self._seen)):
+            first = self._refused[0][2]
+            if self._foreign:
+                raise InputError(f"{self._foreign}; seen: {first}")
+            many = f" ({len(self._refused)} of {len(self._refused) + len(self._seen)} poses cannot be used)"
+            version = self._version
+            old = isinstance(version, int) and version < PROTOCOL_VERSION
+            hint = f"; it says protocol version {version}, and the joints of fingers came with {PROTOCOL_VERSION}" if old else ""
+            raise InputError(f"{first}{many if len(self._refused) > 1 else ''}{hint}")
+
+    def _tracks(self, frame_ns: list[int]) -> tuple[HandTrack, ...]:
+        latest: dict[tuple[int, str], _OpenTrack] = {}
+        tracks: list[_OpenTrack] = []
+        for index, hand in self._seen:
+            key = hand.device_id, hand.side
+            track = latest.get(key)
+            if track is None or frame_ns[index] - track.time_ns[-1] > TRACK_GAP_NS:
+                track = latest[key] = _OpenTrack(hand.side)
                 tracks.append(track)
-            track.time_ns.append(device_ns - first_ns)
-            track.rows.append(row)
-    if version is None:
-        raise InputError(f"metadata.protocolVersion is missing; allowed: {PROTOCOL_VERSION}")
-    if frame_count == 0:
-        raise InputError("frames is missing or empty; allowed: at least one frame")
-    return HandRecording(
-        source=path.name,
-        tracks=tuple(_track(number, track) for number, track in enumerate(tracks)),
-        frame_count=frame_count,
-        duration_s=(last_ns - first_ns) / NS_PER_S,
-        dropped=dict(dropped),
-    )
+            track.time_ns.append(frame_ns[index])
+            track.rows.append(hand.row)
+        return tuple(_track(number, track) for number, track in enumerate(tracks))
 
-
-def _version(metadata: object) -> int:
-    version = _of_type(metadata, "metadata", dict, "an object").get("protocolVersion")
-    if isinstance(version, bool) or version != PROTOCOL_VERSION:
-        raise InputError(f"metadata.protocolVersion = {_short(version)} is not allowed; allowed: {PROTOCOL_VERSION}")
-    return PROTOCOL_VERSION
-
-
-def _time_ns(frame: dict, place: str, first_ns: int, last_ns: int) -> int:
-    time_us = _number(_member(frame, "timestamp", place), f"{place}.timestamp", 0, _LATEST_US, "us")
-    time_ns = round(time_us * NS_PER_US)
-    if time_ns < last_ns:
-        raise InputError(
-            f"{place}.timestamp = {time_us} us goes back; "
-            f"allowed: {last_ns / NS_PER_US:.16g} us, that of the frame before, or later"
-        )
-    if first_ns >= 0 and time_ns - first_ns > LONGEST_S * NS_PER_S:
-        raise InputError(
-            f"{place}.timestamp = {time_us} us is {(time_ns - first_ns) / NS_PER_S:.6g} s after the first; "
-            f"allowed: up to {LONGEST_S:g} s"
-        )
-    return time_ns
-
-
-def _hands(frame: dict, place: str, dropped: Counter[str]) -> list[tuple[int, str, Floats]]:
-    """The frame's whole hands: the device's id, the side, and a row of 74 numbers in millimetres."""
-    hands: dict[int, tuple[str, list[float]]] = {}
-    for index, hand in enumerate(_of_type(_member(frame, "hands", place), f"{place}.hands", list, "a list")):
-        at = f"{place}.hands[{index}]"
-        _of_type(hand, at, dict, "an object")
-        device_id = _whole(_member(hand, "id", at), f"{at}.id")
-        if device_id in hands:
-            raise InputError(f"{at}.id = {device_id} is given twice in one frame; allowed: each hand once")
-        side = _member(hand, "type", at)
-        if side not in SIDES:
-            raise InputError(f"{at}.type = {_short(side)} is not allowed; allowed: {', '.join(SIDES)}")
-        normal, direction = (_unit(hand, key, at) for key in ("palmNormal", "direction"))
-        if abs(float(np.dot(normal, direction))) > 0.9 * math.hypot(*normal) * math.hypot(*direction):
-            raise InputError(f"{at}.palmNormal = {normal} lies along the direction; allowed: across it")
-        hands[device_id] = side, [*_point(hand, "palmPosition", at), *normal, *direction]
-
-    fingers: dict[tuple[int, int], tuple[list[float], float]] = {}
-    for index, pointable in enumerate(_of_type(_member(frame, "pointables", place), f"{place}.pointables", list, "a list")):
-        at = f"{place}.pointables[{index}]"
-        _of_type(pointable, at, dict, "an object")
-        if pointable.get("tool") is True:
-            dropped["tools"] += 1
-            continue
-        device_id = _whole(_member(pointable, "handId", at), f"{at}.handId")
-        if device_id not in hands:
-            dropped["pointables without their hand"] += 1
-            continue
-        finger = _whole(_member(pointable, "type", at), f"{at}.type")
-        if not 0 <= finger <= 4:
-            raise InputError(f"{at}.type = {finger} is not allowed; allowed: 0 (thumb) to 4 (little finger)")
-        if (device_id, finger) in fingers:
-            raise InputError(f"{at}.type = {finger} is given twice for hand {device_id}; allowed: each finger once")
-        points = [number for key in _POINTS for number in _point(pointable, key, at)]
-        width_mm = math.nan  # not every writer gives one
-        if "width" in pointable:
-            width_mm = _number(pointable["width"], f"{at}.width", 0.0, WIDEST_FINGER_MM, "mm")
-        fingers[device_id, finger] = points, width_mm
-
-    whole = []
-    for device_id, (side, palm) in hands.items():
-        own = [fingers.get((device_id, finger)) for finger in range(5)]
-        found = [finger for finger in own if finger is not None]
-        if len(found) < 5:
-            dropped["hands without all five fingers"] += 1
-            continue
-        row = [*palm, *(number for points, _ in found for number in points), *(width for _, width in found)]
-        whole.append((device_id, side, np.array(row, float)))
-    return whole
+    def _notes(self) -> tuple[str, ...]:
+        version = self._version
+        if version is None:
+            return (f"{self._source} does not say which protocol version it has; its frames read as version {PROTOCOL_VERSION}",)
+        if isinstance(version, bool) or str(version) != str(PROTOCOL_VERSION):
+            return (f"{self._source} says protocol version {str(version)[:20]!r}; its frames read as version {PROTOCOL_VERSION}",)
+        return ()
 
 
 def _track(number: int, track: _OpenTrack) -> HandTrack:
@@ -212,52 +236,3 @@ def _track(number: int, track: _OpenTrack) -> HandTrack:
         orientation_xyzw=orientations(position_m, direction, -normal, track.side),
         radius_m=radius_m,
     )
-
-
-def _member(owner: dict, key: str, place: str) -> object:
-    if key not in owner:
-        raise InputError(f"{place}.{key} is missing; allowed: present in each")
-    return owner[key]
-
-
-def _of_type(value: object, place: str, kind: type[Kind], allowed: str) -> Kind:
-    if not isinstance(value, kind):
-        raise InputError(f"{place} is {_short(value)}; allowed: {allowed}")
-    return value
-
-
-def _number(value: object, place: str, low: float, high: float, unit: str) -> float:
-    # Comparing before converting keeps integers of any length, and NaN, out.
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not low <= value <= high:
-        raise InputError(f"{place} = {_short(value)} is not allowed; allowed: a number from {low:.16g} to {high:.16g} {unit}")
-    return value
-
-
-def _whole(value: object, place: str) -> int:
-    if isinstance(value, bool) or not isinstance(value, int) or abs(value) >= 2**63:
-        raise InputError(f"{place} = {_short(value)} is not allowed; allowed: a whole number of 64 bits")
-    return value
-
-
-def _point(owner: dict, key: str, place: str) -> list[float]:
-    value = _member(owner, key, place)
-    if not isinstance(value, list) or len(value) != 3:
-        raise InputError(f"{place}.{key} is {_short(value)}; allowed: three numbers")
-    return [_number(part, f"{place}.{key}[{axis}]", -FARTHEST_MM, FARTHEST_MM, "mm") for axis, part in enumerate(value)]
-
-
-def _unit(owner: dict, key: str, place: str) -> list[float]:
-    vector = _point(owner, key, place)
-    if not 0.5 <= math.hypot(*vector) <= 2.0:
-        raise InputError(f"{place}.{key} = {vector} has length {math.hypot(*vector):.6g}; allowed: 1, a direction")
-    return vector
-
-
-def _short(value: object) -> str:
-    """What was seen, in a few characters, whatever it is."""
-    if isinstance(value, (list, dict)):
-        return f"{'a list' if isinstance(value, list) else 'an object'} of {len(value)}"
-    if isinstance(value, int) and abs(value) >= 10**20:
-        return f"an integer of {value.bit_length()} bits"
-    text = "null" if value is None else repr(value)
-    return text if len(text) <= 40 else f"{text[:40]}..."

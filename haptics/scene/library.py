@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from importlib import resources
 from os import PathLike
-from pathlib import Path
 
 from haptics.errors import InputError
 from haptics.scene.scene import Scene
+from haptics.units import file_path
 
 _SUFFIX = ".toml"
 _SHIPPED = resources.files("haptics.scene") / "data"
@@ -25,7 +25,7 @@ def load_scene(source: str | PathLike[str]) -> Scene:
     """
     from haptics.scene.model import read_scene  # here, as pydantic takes a third of a second to import
 
-    path = Path(source)
+    path = file_path("source", source)
     if isinstance(source, str) and path.suffix != _SUFFIX and path.name == source:
         if source not in _shipped_names():
             raise InputError(

@@ -20,15 +20,20 @@ from numpy.typing import NDArray
 from haptics.errors import InputError
 from haptics.meshes import (
     AXES,
+    MOST_PIECES,
     UNITS,
+    WORDS,
     Kind,
     capped,
     check_arrays,
     cleaned,
+    extent_of,
     holes,
     holes_in_words,
     in_frame,
+    other_unit,
     outward,
+    pieces_of,
     read_triangles,
     size_fault,
     winding_number,
@@ -139,14 +144,14 @@ class TriangleMesh:
 
 
 def load_mesh(
-    path: Path, scale: float | None = None, units: str | None = None, up: str = "y", repair: bool = False
+    path: Path, scale: float | None = None, units: str | None = None, up: str | None = None, repair: bool = False
 ) -> TriangleMesh:
     """A mesh from an OBJ, STL or PLY file (text or binary), in metres and y up, with what had to be mended in its ``notes``.
 
     :param scale: metres per unit of the file, or :param units: one of ``meshes.UNITS``; neither: metres.
-    :param up: which axis of the file points up, one of ``meshes.AXES``.
+    :param up: which axis of the file points up, one of ``meshes.AXES``; None: y. What is not said is noted as it was taken.
     :param repair: close holes by flat caps.
-    :raises InputError: a file that cannot be read, trimesh not installed where that needs it, a size that nothing to touch has
+    :raises InputError: a file that cannot be read, a size that nothing to touch has
         while neither scale nor units say so, or not a closed mesh.
     """
     path, notes = Path(path), []
@@ -155,16 +160,21 @@ def load_mesh(
     if scale is not None and not (math.isfinite(scale) and scale > 0.0):
         raise InputError(f"mesh {path}: scale = {scale:g} is not allowed; allowed: above 0, metres per unit of the file")
     unit_m = UNITS[one_of(f"units of mesh {path}", units, tuple(UNITS))] if units is not None else scale or 1.0
-    one_of(f"up of mesh {path}", up, AXES)
-    vertices, triangles = read_triangles(path, extra="mesh")
+    if up is not None:
+        one_of(f"up of mesh {path}", up, AXES)
+    vertices, triangles = read_triangles(path)
     used = vertices[np.unique(triangles)]
     fault = size_fault(used, TOUCHED, unit_m)
     if fault is not None and scale is None and units is None:
         raise InputError(f"mesh {path}: {fault}")
     if fault is not None:
-        in_range(f"size of mesh {path}", float(np.ptp(used, axis=0).max()) * unit_m, SMALLEST_M, LARGEST_M, "m")
+        in_range(f"size of mesh {path}", extent_of(used) * unit_m, SMALLEST_M, LARGEST_M, "m")
         notes.append(f"{fault.seen}; taken at its word")
-    vertices = in_frame(vertices, unit_m, up, to="y")
+    unsaid = [f"in {WORDS['m']}"] * (scale is None and units is None) + ["y up"] * (up is None)
+    if unsaid:
+        notes.append(_taken(used, unit_m, up or "y", unsaid))
+    vertices, used = (in_frame(points, unit_m, up or "y", to="y") for points in (vertices, used))
+    notes.extend(_far_off(used))
     least_area_m2 = 0.5 * _no_twice_area_m2(vertices)
     vertices, triangles, mended = cleaned(vertices, triangles, least_area_m2)
     found = holes(triangles)
@@ -172,10 +182,31 @@ def load_mesh(
         mended.append(f"{holes_in_words(vertices, found)} closed by flat caps")
         vertices, triangles, _ = cleaned(*capped(vertices, triangles, found), least_area_m2)  # the cap of a slit is flat
     if repair or not found:
+        pieces, _ = pieces_of(triangles)
+        if pieces > MOST_PIECES:
+            raise InputError(f"mesh {path} is in {pieces} pieces; allowed: at most {MOST_PIECES}; join it where it was made")
         triangles, turned = outward(vertices, triangles)
         if turned:
             mended.append(f"it was inside out: {turned} of {len(triangles)} triangles turned")
     return TriangleMesh(vertices, triangles, name=f"mesh {path}", notes=tuple(f"{path.name}: {note}" for note in notes + mended))
+
+
+def _taken(used: Array, unit_m: float, up: str, unsaid: Sequence[str]) -> str:
+    """How a mesh was taken where its shape does not say, with its sizes, and another unit where that is likelier."""
+    wide, high, deep = np.ptp(in_frame(used, unit_m, up, to="y"), axis=0)
+    question = other_unit(used, TOUCHED) if unsaid[0] != "y up" else ""
+    taken = f"taken to be {', '.join(unsaid)}, as its shape does not say: {wide:.3g} m wide, {high:.3g} high, {deep:.3g} deep"
+    return f"{taken}; {question}" if question else taken
+
+
+def _far_off(used_m: Array) -> list[str]:
+    """Of a mesh that lies away from its file's origin by more than its size, where it is: the scene places the origin."""
+    low, high = used_m.min(axis=0), used_m.max(axis=0)
+    away = float(np.linalg.norm(np.clip(0.0, low, high)))
+    if away <= float((high - low).max()):
+        return []
+    middle = ", ".join(f"{value:.3g}" for value in (low + high) / 2)
+    return [f"it lies {away:.3g} m from the origin of its file, which is what a scene places: its middle is at ({middle})"]
 
 
 def slow_notice(meshes: Sequence[TriangleMesh]) -> str | None:

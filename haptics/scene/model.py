@@ -39,7 +39,7 @@ class MeshFile(_Table):
     file: str
     scale: float | None = Field(default=None, gt=0.0, description="metres per unit of the file")
     units: Literal["m", "dm", "cm", "mm", "in", "ft"] | None = None
-    up: Literal["x", "y", "z"] = "y"
+    up: Literal["x", "y", "z"] | None = None
     repair: bool = False
 
 

@@ -9,8 +9,11 @@ import numpy as np
 from haptics.errors import InputError
 from haptics.recording import Recording, load
 from haptics.scene.hand import SIDES, HandRecording, HandTrack
+from haptics.scene.time_order import LONGEST_S
+from haptics.time import NS_PER_S
 
 SIGNATURE = b"\x89HDF"
+_FIELDS = {"side": (), "track": (), "sampled_ns": (), "position_m": (26, 3), "orientation_xyzw": (26, 4)}
 
 
 def load_recorded(path: Path) -> HandRecording:
@@ -22,9 +25,13 @@ def load_recorded(path: Path) -> HandRecording:
     if "poses" not in recording:
         raise InputError(f"hand {path}: the recording has no stream `poses`; allowed: one that `haptics run` made")
     poses, start_ns = recording.stream("poses"), motion_start_ns(recording)
-    motion = recording.header.get("motion", {})
+    missing = [name for name in _FIELDS if name not in (poses.dtype.names or ()) or poses.dtype[name].shape != _FIELDS[name]]
+    if missing:
+        raise InputError(f"hand {path}: its poses lack {', '.join(missing)}, or have them in another shape; allowed: as recorded")
     tracks = []
     for side, track in dict.fromkeys(zip(poses["side"].tolist(), poses["track"].tolist(), strict=True)):
+        if not 0 <= side < len(SIDES):
+            raise InputError(f"hand {path}: a pose has side {side}; allowed: 0 (left) or 1 (right)")
         rows = poses[(poses["side"] == side) & (poses["track"] == track)]
         tracks.append(
             HandTrack(
@@ -35,8 +42,14 @@ def load_recorded(path: Path) -> HandRecording:
                 np.ascontiguousarray(rows["orientation_xyzw"], dtype=float),
             )
         )
-    duration_s = motion.get("duration_s", float(poses["sampled_ns"].max() - start_ns) / 1e9 if len(poses) else 0.0)
-    return HandRecording(str(motion.get("source", path.name)), tuple(tracks), motion.get("frame_count", len(poses)), duration_s)
+    motion = recording.header.get("motion")
+    motion = motion if isinstance(motion, dict) else {}
+    duration_s = motion.get("duration_s")
+    if not isinstance(duration_s, (int, float)) or not 0.0 <= duration_s <= LONGEST_S:
+        duration_s = float(poses["sampled_ns"].max() - start_ns) / NS_PER_S if len(poses) else 0.0
+    count = motion.get("frame_count")
+    frame_count = count if isinstance(count, int) else len(poses)
+    return HandRecording(str(motion.get("source", path.name)), tuple(tracks), frame_count, duration_s)
 
 
 def motion_start_ns(recording: Recording) -> int:

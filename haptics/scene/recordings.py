@@ -11,6 +11,7 @@ from haptics.scene.hand import HandRecording
 from haptics.scene.leap import load_leap
 from haptics.scene.recorded import SIGNATURE, load_recorded
 from haptics.scene.synthetic import NAME as SYNTHETIC, synthetic_hand
+from haptics.units import file_path
 
 _SHIPPED: dict[str, Callable[[], HandRecording]] = {SYNTHETIC: synthetic_hand}
 
@@ -30,7 +31,7 @@ def load_hand(source: str | PathLike[str]) -> HandRecording:
     """
     if isinstance(source, str) and source in _SHIPPED:
         return _SHIPPED[source]()
-    path = Path(source)
+    path = file_path("source", source)
     try:
         if not path.is_file():
             what = "is a folder or a device" if path.exists() else "does not exist"

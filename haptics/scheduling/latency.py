@@ -1,12 +1,12 @@
 """How long a request may have to wait for its start: bounds that hold whatever the load (``docs/explanation/schedule.md``).
 
 The wait counts from the moment a request *may* start: it has been seen by ``step``, its earliest start has come, and its own
-coil is free. From then on it waits only while all slots are taken, hence
+coil is free. From then on it waits only while at least ``n`` coils are on, hence
 
     wait <= blocker + floor(k / n) * unit
 
-with ``n`` coils at once, ``k`` the number of units that start before it, ``unit`` the longest of those, and ``blocker`` the
-longest that anything given out earlier still lasts.
+with ``n`` coils at once, counted at the worst coil's current; ``k`` the number of units that start before it, ``unit`` the
+longest of those, and ``blocker`` the longest that anything given out earlier still lasts.
 """
 
 from __future__ import annotations
@@ -27,10 +27,11 @@ def latency_bound_s(
 ) -> float:
     """``blocker + floor((channels - 1)(1 + overtakes) / n) * unit``, the longest wait from when a request may start.
 
-    Each other channel has at most one older request of the same or a higher class, and may then submit ``overtakes`` more
-    of a higher class while this one waits. ``overtakes`` is 0 for requests made at the same moment, whatever their
-    classes, and for every release, whatever the load; 1 for a contact where each coil's contacts and releases alternate.
-    It is reached for 0 and 1, so it cannot be lowered.
+    Each other channel starts at most ``1 + overtakes`` units before this one. ``overtakes`` is 0 for requests made at the same
+    moment, one a channel, whatever their classes, and for every release, whatever the load; 1 for a contact where each coil's
+    contacts and releases wait for each other; 2 for a contact where a release only follows something that was given out,
+    however they mix: a release that waits, the contact after it, and its release. It is reached for 0, 1 and 2, so it
+    cannot be lowered.
 
     45 ms for 3 coils, 10 ms units and 5 ms blockers:
 
@@ -60,9 +61,10 @@ def sustained_latency_bound_s(
 ) -> float:
     """The bound for any class under steady load: each other channel makes at most one request every ``spacing_s``.
 
-    Least ``w`` with ``w = blocker + floor((channels - 1)(2 + floor(w / spacing)) / n) * unit``: one request that was waiting
-    already and ``1 + floor(w / spacing)`` new ones a channel. Infinite where the others alone use up all slots,
-    ``(channels - 1) unit >= n spacing``: then the most urgent starve the rest.
+    Least ``w`` with ``w = blocker + floor((channels - 1)(q + 1 + floor(w / spacing)) / n) * unit``: ``q`` requests that were
+    waiting already and ``1 + floor(w / spacing)`` new ones a channel. ``q`` is 1 if a release has played by the time at which
+    the next request of its channel may start, ``spacing >= unit + latency_bound_s(...)``, else 2. Infinite where the others
+    alone use up all slots, ``(channels - 1) unit >= n spacing``: then the most urgent starve the rest.
 
     95 ms for 3 coils and 15 channels, each with at most ten requests a second:
 
@@ -77,10 +79,12 @@ def sustained_latency_bound_s(
     in_range("channels", channels, 1, math.inf)
     if (channels - 1) * unit_s >= coils_at_once * spacing_s:
         return math.inf
+    release_s = unit_s + latency_bound_s(coils_at_once, channels=channels, unit_s=unit_s, blocker_s=blocker_s)
+    waiting = 1 if spacing_s >= release_s else 2
     wait_s = blocker_s
     while True:
-        new = math.floor(wait_s / spacing_s) + 1
-        longer_s = latency_bound_s(coils_at_once, channels=channels, unit_s=unit_s, blocker_s=blocker_s, overtakes=new)
+        more = waiting + math.floor(wait_s / spacing_s)
+        longer_s = latency_bound_s(coils_at_once, channels=channels, unit_s=unit_s, blocker_s=blocker_s, overtakes=more)
         if longer_s <= wait_s:
             return wait_s
         wait_s = longer_s

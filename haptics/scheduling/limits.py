@@ -43,13 +43,22 @@ class CoilLimits:
     def power_w(self, channels: int) -> tuple[float, ...]:
         """Power of each coil.
 
-        :raises InputError: as many powers or currents were given as do not fit ``channels``.
+        :raises InputError: as many powers were given as do not fit ``channels``.
         """
-        for name, values in (("coil_current_a", self.coil_current_a), ("coil_power_w", self.coil_power_w)):
-            if isinstance(values, tuple) and len(values) != channels:
-                raise InputError(f"{name} has {len(values)} values; allowed: 1 or {channels}, one a channel")
-        powers = _each(self.coil_power_w)
-        return powers if len(powers) == channels else powers * channels
+        return _one_a_channel("coil_power_w", self.coil_power_w, channels)
+
+    def current_a(self, channels: int) -> tuple[float, ...]:
+        """Current of each coil.
+
+        :raises InputError: as many currents were given as do not fit ``channels``.
+        """
+        return _one_a_channel("coil_current_a", self.coil_current_a, channels)
+
+
+def _one_a_channel(name: str, values: float | tuple[float, ...], channels: int) -> tuple[float, ...]:
+    if isinstance(values, tuple) and len(values) != channels:
+        raise InputError(f"{name} has {len(values)} values; allowed: 1 or {channels}, one a channel")
+    return values if isinstance(values, tuple) else (values,) * channels
 
 
 def _each(values: float | tuple[float, ...]) -> tuple[float, ...]:

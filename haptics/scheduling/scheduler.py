@@ -1,9 +1,12 @@
 """Which coil when: a pure scheduler in virtual time.
 
-``submit`` takes wishes, ``step`` turns them into coil pulses with exact start times. A share of the supply's current is a
-*slot*; as many units run at once as there are slots, and nothing that has been given out is taken back. Wherever a slot is
-free and somebody may start, somebody starts: that is what the latency bounds rest on (``latency.py``, and
+``submit`` takes wishes, ``step`` turns them into coil pulses with exact start times. As many units run at once as the supply has
+current for, and nothing that has been given out is taken back. The most urgent that may start does, as soon as the current is
+there, and nobody less urgent takes it from under it: that is what the latency bounds rest on (``latency.py``, and
 ``docs/explanation/schedule.md`` for the proofs).
+
+A channel holds two wishes at most: a release, and what was asked for after it. The release goes first, and lives until it has
+played or what came after it has started; so a pin is not left out because its next contact is denied.
 
 Heat is booked in full at the end of each unit, which is never less than the truth, and asked for at its start. Whatever is
 admitted leaves room for one release on its coil, so that a pin can always be withdrawn.
@@ -12,11 +15,12 @@ admitted leaves room for one release on its coil, so that a pin can always be wi
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 from haptics.errors import InputError
 from haptics.scheduling.limits import CoilLimits
 from haptics.scheduling.requests import CHANNELS, LONGEST_STROKE_S, CoilPulse, Outcome, Priority, Request, Stroke
+from haptics.scheduling.supply_current import NA_PER_A, SupplyCurrent
 from haptics.scheduling.thermal_budget import ThermalBudget
 from haptics.time import NS_PER_S, seconds_to_ns
 
@@ -61,6 +65,8 @@ class Scheduler:
         if len(self.budgets) != channels:
             raise InputError(f"budgets has {len(self.budgets)} accounts; allowed: {channels}, one a channel")
         self._power_w = self.limits.power_w(channels)
+        self._current_na = [round(current_a * NA_PER_A) for current_a in self.limits.current_a(channels)]
+        self._supply = SupplyCurrent(self.limits.current_limit_a)
         self._reserve_j = [power_w * LONGEST_STROKE_S for power_w in self._power_w]  # any release
         for channel, (budget, reserve_j) in enumerate(zip(self.budgets, self._reserve_j, strict=True)):
             if reserve_j > 0 and budget.wait_s(1, budget.latest_ns, reserve_j) == math.inf:
@@ -68,10 +74,10 @@ class Scheduler:
                     f"limit_k = {budget.limit_k:g} K of channel {channel} is not allowed: one release warms the coil by more"
                 )
         self._gap_ns = seconds_to_ns(self.limits.gap_s)
-        self._slot_free_ns = [-_FOREVER_NS] * self.limits.coils_at_once
         self._channel_free_ns = [-_FOREVER_NS] * channels
         self._release_paid = [False] * channels
-        self._waiting: dict[int, _Wish] = {}
+        self._releases: dict[int, _Wish] = {}  # those after which something else was asked for
+        self._waiting: dict[int, _Wish] = {}  # the newest of each channel
         self._bursting: dict[int, _Wish] = {}
         self._next_ns = _FOREVER_NS  # nothing can happen before this
         self._serial = 0
@@ -80,7 +86,7 @@ class Scheduler:
     @property
     def pending(self) -> int:
         """Requests without an outcome yet."""
-        return len(self._waiting) + len(self._bursting)
+        return len(self._releases) + len(self._waiting) + len(self._bursting)
 
     def set_armed(self, armed: bool) -> list[Outcome]:
         """Allow starts, or forbid them: everything pending is then denied, ``unarmed``."""
@@ -94,18 +100,20 @@ class Scheduler:
         left as it is.
         """
         outcomes = [_cut(wish, reason) for wish in self._bursting.values()]
-        outcomes += [_denied(wish, reason) for wish in self._waiting.values()]
+        outcomes += [_denied(wish, reason) for wish in self._all_waiting()]
         self._bursting.clear()
+        self._releases.clear()
         self._waiting.clear()
         self._next_ns = _FOREVER_NS
         return outcomes
 
     def submit(self, request: Request, now_ns: int) -> list[Outcome]:
-        """Take a request. It replaces the one that waits on its channel, which is denied ``superseded``.
+        """Take a request. It replaces the one that waits on its channel, which is denied ``superseded``; but a release stays.
 
-        A unit that plays on the channel is finished first; a burst there ends before the cycle that would run past the new
-        request's start. The new one may itself be refused at once: ``unarmed``; ``current`` if not even one coil is allowed;
-        ``late``.
+        That release goes first. It is ``superseded`` only if the new request starts before it, and supersedes a release that
+        was asked for after it. A unit that plays on the channel is finished first; a burst there ends before the cycle that
+        would run past the start of what waits. The new one may itself be refused at once: ``unarmed``; ``current`` if the
+        supply has not enough for its coil; ``late``.
 
         :returns: outcomes that are known already, of this request or the one it replaced.
 
@@ -116,11 +124,10 @@ class Scheduler:
             raise InputError(f"channel = {channel} is not allowed; allowed: 0 to {len(self.budgets) - 1}")
         self._serial += 1
         wish = _Wish(request, now_ns, self._serial)
-        older = self._waiting.pop(channel, None)
-        outcomes = [] if older is None else [_denied(older, "superseded", self._holder(older, now_ns))]
+        outcomes = self._make_way(channel, now_ns)
         if not self.armed:
             outcomes.append(_denied(wish, "unarmed"))
-        elif not self._slot_free_ns:
+        elif self._current_na[channel] > self._supply.limit_na:
             outcomes.append(_denied(wish, "current"))
         elif wish.latest_ns < now_ns:
             outcomes.append(_denied(wish, "late"))
@@ -128,6 +135,24 @@ class Scheduler:
             self._waiting[channel] = wish
             self._next_ns = min(self._next_ns, wish.due_ns)
         return outcomes
+
+    def withdraw_contact(self, channel: int, now_ns: int) -> list[Outcome]:
+        """Deny the contact that waits on a channel, ``superseded``: nobody wants it any more. Anything else stays."""
+        wish = self._waiting.get(channel)
+        if wish is None or wish.request.priority is not Priority.CONTACT:
+            return []
+        return self._make_way(channel, now_ns)
+
+    def _make_way(self, channel: int, now_ns: int) -> list[Outcome]:
+        """Take the newest wish of a channel out of the queue; the first release is kept for its turn."""
+        older = self._waiting.pop(channel, None)
+        if older is None:
+            return []
+        if older.request.priority is Priority.RELEASE and channel not in self._releases:
+            self._releases[channel] = older
+            return []
+        self._next_ns = min(self._next_ns, now_ns)  # others may have waited for this one's share of the current
+        return [_denied(older, "superseded", self._holder(older, now_ns))]
 
     def step(self, now_ns: int, until_ns: int) -> tuple[list[CoilPulse], list[Outcome]]:
         """Commit every start that falls into ``now_ns <= start <= until_ns``; final.
@@ -151,7 +176,7 @@ class Scheduler:
             self._start_all(at_ns, pulses, outcomes)
             at_ns = self._next_event_ns(at_ns)
         self._deny_late(until_ns + 1, outcomes)
-        self._next_ns = min([at_ns, *(wish.latest_ns for wish in self._waiting.values())])
+        self._next_ns = min([at_ns, *(wish.latest_ns for wish in self._all_waiting())])
         return pulses, outcomes
 
     def rise_k(self, now_ns: int) -> list[float]:
@@ -162,33 +187,41 @@ class Scheduler:
         """Room under each coil's limit (K); likewise."""
         return [budget.headroom_k(max(now_ns, budget.latest_ns)) for budget in self.budgets]
 
+    def _all_waiting(self) -> Iterator[_Wish]:
+        yield from self._releases.values()
+        yield from self._waiting.values()
+
     def _start_all(self, at_ns: int, pulses: list[CoilPulse], outcomes: list[Outcome]) -> None:
-        """Start whoever may start at ``at_ns``, most urgent first, while slots last."""
+        """Start whoever may start at ``at_ns``, most urgent first, until the current does not suffice for the next one."""
         self._deny_late(at_ns, outcomes)
-        ready = [w for c, w in self._waiting.items() if w.due_ns <= at_ns and self._channel_free_ns[c] <= at_ns]
+        ready = [w for w in self._all_waiting() if w.due_ns <= at_ns and self._channel_free_ns[w.request.channel] <= at_ns]
         for channel, wish in list(self._bursting.items()):
             if wish.due_ns <= at_ns:
-                newer = self._waiting.get(channel)
-                if newer is not None and newer.due_ns < at_ns + wish.lengths_ns[wish.cycles] + self._gap_ns:
+                newer = [w.due_ns for w in (self._releases.get(channel), self._waiting.get(channel)) if w is not None]
+                if newer and min(newer) < at_ns + wish.lengths_ns[wish.cycles] + self._gap_ns:
                     outcomes.append(_cut(self._bursting.pop(channel), "channel"))
                 else:
                     ready.append(wish)
         ready.sort(key=_urgency)
+        kept = False
         for wish in ready:
-            self._start(wish, at_ns, pulses, outcomes)
+            channel = wish.request.channel
+            if self._channel_free_ns[channel] > at_ns:
+                continue  # the release before it has just started
+            enough = not kept and self._supply.free_ns(self._current_na[channel]) <= at_ns
+            kept = kept or not (enough or wish.cycles)  # what is left is for the one that waits; a burst does not
+            self._start(wish, at_ns, enough, pulses, outcomes)
 
-    def _start(self, wish: _Wish, at_ns: int, pulses: list[CoilPulse], outcomes: list[Outcome]) -> None:
-        """Commit the next unit of ``wish`` at ``at_ns``, or leave it waiting, or end it."""
+    def _start(self, wish: _Wish, at_ns: int, enough: bool, pulses: list[CoilPulse], outcomes: list[Outcome]) -> None:
+        """Commit the next unit of ``wish`` at ``at_ns``, or leave it waiting, or end it. ``enough``: the current suffices."""
         channel, playing = wish.request.channel, wish.begun_ns is not None
-        slot = self._free_slot(at_ns)
-        obstacle = "current" if slot is None else self._heat_obstacle(wish, at_ns)
+        obstacle = self._heat_obstacle(wish, at_ns) if enough else "current"
         if obstacle is not None:
             if playing:
                 outcomes.append(_cut(self._bursting.pop(channel), obstacle))
             elif obstacle == "heat" and wish.request.priority is not Priority.RELEASE:
                 outcomes.append(_denied(self._waiting.pop(channel), "heat", "heat"))
             return
-        assert slot is not None
         unit, end_ns = wish.units[wish.cycles], at_ns + wish.lengths_ns[wish.cycles]
         stroke_ns = at_ns
         for stroke in unit:
@@ -197,10 +230,12 @@ class Scheduler:
         wish.held_by = wish.held_by if playing else self._holder(wish, at_ns - 1)
         self.budgets[channel].spend(self._unit_energy_j(wish), end_ns)
         self._release_paid[channel] = wish.request.priority is not Priority.RELEASE
-        self._slot_free_ns[slot] = self._channel_free_ns[channel] = end_ns + self._gap_ns
+        self._channel_free_ns[channel] = end_ns + self._gap_ns
+        self._supply.take(self._current_na[channel], at_ns, self._channel_free_ns[channel])
         if not playing:
             wish.begun_ns = at_ns
-            self._bursting[channel] = self._waiting.pop(channel)
+            self._leave_queue(wish, at_ns, outcomes)
+            self._bursting[channel] = wish
             wish.order = (int(wish.request.priority), 0, *wish.order[2:])  # its next cycle goes before its class
         wish.cycles += 1
         wish.due_ns = self._channel_free_ns[channel]
@@ -208,13 +243,18 @@ class Scheduler:
             del self._bursting[channel]
             outcomes.append(Outcome(wish.request, True, None, wish.begun_ns, wish.cycles, wish.held_by))
 
-    def _free_slot(self, at_ns: int) -> int | None:
-        """The slot longest in use among those free at ``at_ns``: slots that have been idle stay good for earlier starts."""
-        best = None
-        for slot, free_ns in enumerate(self._slot_free_ns):
-            if free_ns <= at_ns and (best is None or free_ns > self._slot_free_ns[best]):
-                best = slot
-        return best
+    def _leave_queue(self, wish: _Wish, at_ns: int, outcomes: list[Outcome]) -> None:
+        """``wish`` starts: a release that was to go before it is void, and so is a release asked for after a release."""
+        channel = wish.request.channel
+        void, newest = self._releases.pop(channel, None), self._waiting.get(channel)
+        if newest is wish:
+            del self._waiting[channel]
+        elif newest is not None and newest.request.priority is Priority.RELEASE:
+            void = self._waiting.pop(channel)
+        else:
+            void = None
+        if void is not None:
+            outcomes.append(_denied(void, "superseded", self._holder(void, at_ns)))
 
     def _heat_obstacle(self, wish: _Wish, at_ns: int) -> str | None:
         """``heat`` if the next unit may not start at ``at_ns``.
@@ -238,26 +278,30 @@ class Scheduler:
 
     def _next_event_ns(self, after_ns: int) -> int:
         """The next moment at which somebody who waits could start."""
-        next_ns = _FOREVER_NS
-        slot_ns = min(self._slot_free_ns, default=_FOREVER_NS)
-        for channel, wish in self._waiting.items():
-            next_ns = min(next_ns, max(wish.due_ns, self._channel_free_ns[channel], slot_ns))
+        next_ns, first_late_ns, behind = _FOREVER_NS, _FOREVER_NS, False
+        for wish in self._all_waiting():
+            channel = wish.request.channel
+            may_ns = max(wish.due_ns, self._channel_free_ns[channel], self._supply.free_ns(self._current_na[channel]))
+            if may_ns > after_ns:
+                next_ns, first_late_ns = min(next_ns, may_ns), min(first_late_ns, wish.latest_ns + 1)
+            else:
+                behind = True  # it may start when a more urgent one that needs more current has started, or has become late
         for wish in self._bursting.values():
             next_ns = min(next_ns, wish.due_ns)
-        return max(next_ns, after_ns + 1)
+        return max(min(next_ns, first_late_ns) if behind else next_ns, after_ns + 1)
 
     def _deny_late(self, at_ns: int, outcomes: list[Outcome]) -> None:
-        late = [channel for channel, wish in self._waiting.items() if wish.latest_ns < at_ns]
-        for channel in late:
-            wish = self._waiting.pop(channel)
-            outcomes.append(_denied(wish, "late", self._holder(wish, wish.latest_ns)))
+        for queue in (self._releases, self._waiting):
+            for channel in [channel for channel, wish in queue.items() if wish.latest_ns < at_ns]:
+                wish = queue.pop(channel)
+                outcomes.append(_denied(wish, "late", self._holder(wish, wish.latest_ns)))
 
     def _holder(self, wish: _Wish, at_ns: int) -> str | None:
         """What keeps ``wish`` from starting at ``at_ns``, or last kept it."""
         if wish.due_ns <= at_ns:
             if self._channel_free_ns[wish.request.channel] > at_ns:
                 return "channel"
-            if min(self._slot_free_ns) > at_ns:
+            if self._supply.free_ns(self._current_na[wish.request.channel]) > at_ns:
                 return "current"
         return wish.held_by
 

@@ -3,6 +3,10 @@
 First order (thesis 3.5.2): every pulse is a jump of ``E c / tau``, between pulses the rise decays by ``exp(-dt/tau)``. The
 account moves only when it is asked or charged, and then exactly, over integer nanoseconds. The closed forms themselves
 are those of ``haptics.physics``; here they start from the rise as it is now.
+
+An account is as good as its parameters. With the published ones it is the nominal actuator; with
+``physics.thermal.THERMAL_WORST`` and the most power a coil can take it is never below the truth of any actuator within
+tolerance (``CoilHeat``).
 """
 
 from __future__ import annotations
@@ -63,6 +67,13 @@ class ThermalBudget:
         jump_k = pulse_rise_k(energy_j, self.parameters)
         self._rise_k = self.rise_k(at_ns) + jump_k
         return self._rise_k
+
+    def raise_to(self, rise_k: float, now_ns: int) -> None:
+        """Learn of heat from elsewhere: the rise at ``now_ns`` is at least ``rise_k``. Never lowers the account.
+
+        :raises InputError: ``rise_k`` negative or not finite.
+        """
+        self._rise_k = max(self.rise_k(now_ns), in_range("rise_k", rise_k, 0.0, math.inf, "K"))
 
     def allows(self, energy_j: float, now_ns: int, reserve_j: float = 0.0) -> bool:
         """Whether ``energy_j`` may be spent at ``now_ns`` so that ``reserve_j`` could still be spent right after it."""

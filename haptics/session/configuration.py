@@ -1,48 +1,118 @@
 """``glove.toml``: which glove this is. Checked here, once, at the edge; frozen afterwards.
 
-Limits may be lowered, never raised past what the firmware holds (the upper ends below are the firmware's own).
+Limits may be lowered, never raised past what the firmware holds (the upper ends below are the firmware's own). They are kept
+twice: by the host, and by the boards, which are configured with them (``board_limits``).
 """
 
 from __future__ import annotations
 
+import math
 import tomllib
-from pathlib import Path
-from typing import Annotated, Literal
+from os import PathLike
+from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
+from haptics.devices.brake import LONGEST_PIEZO_S
 from haptics.errors import InputError
-from haptics.link.messages import BRAKE_CHANNELS, COIL_CHANNELS, DEFAULT_BAUD
+from haptics.link.limits import Wanted
+from haptics.link.messages import BRAKE_CHANNELS, COIL_CHANNELS, DEFAULT_BAUD, DURATION_UNIT_US
+from haptics.link.ports import check_port
 from haptics.physics.brake_force import ForceLaw, ThresholdLaw, default_law
-from haptics.physics.brake_parameters import BRAKE
+from haptics.physics.brake_parameters import BRAKE, GREATEST_VOLTS
+from haptics.physics.latch import PULSE_BACK_S, PULSE_TOWARD_S, TRAIN_BACK_S, TRAIN_TOWARD_S
+from haptics.physics.thermal import THERMAL, WORST_PULSE_POWER_W, bounding
 from haptics.scene.sites import SITES
+from haptics.scheduling.coil_heat import BUILT_ON_TIME_S, CoilHeat
+from haptics.units import file_path
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+PortUrl = Annotated[str, AfterValidator(check_port)]
 
 
 class _Part(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
-class ActuatorCalibration(_Part):
-    """What a bench measured of one actuator; absent values keep the published ones (thesis 3.4.3, 3.5.2)."""
+CALIBRATION_SDS = 3.0
+"""A calibrated value counts with so many of its standard deviations, on the side that is warmer."""
+COUNTED_COIL_A = 3.907
+"""What a board counts for each coil that is on, whatever it draws: 5 V at the lowest resistance (thesis 3.4.3), rounded up."""
 
-    tau_s: Annotated[float, Field(ge=20, le=500)] = 102.0
-    c_k_per_w: Annotated[float, Field(ge=10, le=300)] = 69.0
-    power_w: Annotated[float, Field(ge=1, le=40)] = 18.0
+
+class ActuatorCalibration(_Part):
+    """What a bench measured of one actuator, each with its standard deviation (0 if not given: taken as exact).
+
+    A value that is absent is taken at its worst within the published tolerance (thesis 3.4.3, 3.5.2), as all of them are for an
+    actuator without calibration.
+    """
+
+    tau_s: Annotated[float, Field(ge=20, le=500)] | None = None
+    tau_sd_s: Annotated[float, Field(ge=0, le=5)] = 0.0
+    c_k_per_w: Annotated[float, Field(ge=10, le=300)] | None = None
+    c_sd_k_per_w: Annotated[float, Field(ge=0, le=100)] = 0.0
+    power_w: Annotated[float, Field(ge=1, le=40)] | None = None
+    power_sd_w: Annotated[float, Field(ge=0, le=10)] = 0.0
+
+    @model_validator(mode="after")
+    def _sds_of_values(self) -> ActuatorCalibration:
+        for value, sd in (("tau_s", "tau_sd_s"), ("c_k_per_w", "c_sd_k_per_w"), ("power_w", "power_sd_w")):
+            if getattr(self, value) is None and getattr(self, sd):
+                raise ValueError(f"{sd} = {getattr(self, sd):g} without {value}; allowed: both, or {value} alone")
+        return self
+
+    def coil_heat(self) -> CoilHeat:
+        """What the heat account of this actuator goes by: never cooler than it is, as far as the calibration knows it.
+
+        Errors of ``c`` and power are independent, and only their product heats: their shares add in squares.
+        """
+        tau_s, tau_off_s = (
+            (THERMAL.tau_s, THERMAL.tau_sd_s) if self.tau_s is None else (self.tau_s, CALIBRATION_SDS * self.tau_sd_s)
+        )
+        c_k_per_w = THERMAL.c_k_per_w + THERMAL.c_sd_k_per_w if self.c_k_per_w is None else self.c_k_per_w
+        power_w = WORST_PULSE_POWER_W if self.power_w is None else self.power_w
+        share = CALIBRATION_SDS * math.hypot(self.c_sd_k_per_w / c_k_per_w, self.power_sd_w / power_w)
+        return CoilHeat(bounding(c_k_per_w * (1.0 + share), tau_s - tau_off_s, tau_s + tau_off_s), power_w)
 
 
 class TactilesConfiguration(_Part):
     """The array of tactors. ``sites[i]`` is where channel ``i`` sits on the hand."""
 
-    port: str = "sim://tactiles"
+    port: PortUrl = "sim://tactiles"
     baud: int = Field(default=DEFAULT_BAUD, ge=9600, le=2_000_000)
     sites: tuple[str, ...] = tuple(SITES)
-    rise_limit_k: Annotated[float, Field(ge=1, le=60)] = Field(default=25.0, description="temperature rise limit, K (assumed)")
-    current_limit_a: Annotated[float, Field(ge=3.9, le=12.0)] = Field(default=12.0, description="all coils together, A")
-    coil_current_a: Annotated[float, Field(ge=1, le=5)] = Field(default=3.9, description="one coil at its lowest resistance, A")
+    rise_limit_k: Annotated[float, Field(ge=1, le=30)] = Field(default=25.0, description="temperature rise limit, K (assumed)")
+    current_limit_a: Annotated[float, Field(ge=COUNTED_COIL_A, le=12.0)] = Field(
+        default=12.0, description="all coils together, A"
+    )
+    coil_current_a: Annotated[float, Field(ge=1, le=5)] = Field(
+        default=COUNTED_COIL_A, description="one coil at its lowest resistance, A; boards count 3.907 A at least"
+    )
     contact_pulse_s: Annotated[float, Field(ge=0.001, le=0.010)] = Field(default=0.010, description="coil time, s (3.4.3)")
     calibration: dict[str, ActuatorCalibration] = Field(default_factory=dict)
+
+    def coil_heat(self, site: str) -> CoilHeat:
+        """What the heat account of a site goes by: its calibration, or the worst within tolerance."""
+        return self.calibration.get(site, ActuatorCalibration()).coil_heat()
+
+    def board_limits(self, *, of_pulses: bool = True) -> Wanted:
+        """What the board is configured with, in the order of ``identity.limits``: no more than this host will ever need.
+
+        :param of_pulses: with the limits on what a pulse lasts and warms, which a bench leaves as the board has them.
+        """
+        current_ma = math.floor(1000 * self.current_limit_a + 1e-6)
+        if not of_pulses:
+            return (None, current_ma, None, None, None)
+        longest_s = max(self.contact_pulse_s, PULSE_TOWARD_S, PULSE_BACK_S, TRAIN_TOWARD_S, TRAIN_BACK_S)
+        on_time_s = max(self.coil_heat(site).on_time_s(self.rise_limit_k) for site in self.sites)
+        longest = round(1e6 * longest_s / DURATION_UNIT_US)
+        return (longest, current_ma, None, None, math.ceil(1000 * min(on_time_s, BUILT_ON_TIME_S)))
+
+    @field_validator("contact_pulse_s")
+    @classmethod
+    def _in_units(cls, contact_pulse_s: float) -> float:
+        """What is booked is what plays: the wire counts in 50 us."""
+        return round(1e6 * contact_pulse_s / DURATION_UNIT_US) * DURATION_UNIT_US / 1e6
 
     @field_validator("calibration")
     @classmethod
@@ -68,18 +138,61 @@ class BrakeCalibration(_Part):
     threshold_v: Annotated[float, Field(ge=0, le=1500)]
 
 
+_UNDER = {
+    "amplitude_v": "max_amplitude_v",
+    "clutch_amplitude_v": "max_amplitude_v",
+    "frequency_hz": "max_frequency_hz",
+}
+"""What a brake is driven with, and the limit it must keep to."""
+
+
 class BrakeConfiguration(_Part):
     """Brakes or clutches on one high-voltage supply. ``channels[i]`` names what output ``i`` drives."""
 
-    port: str = "sim://brake"
+    port: PortUrl = "sim://brake"
     baud: int = Field(default=DEFAULT_BAUD, ge=9600, le=2_000_000)
     channels: tuple[str, ...] = ("index", "thumb")
     amplitude_v: Annotated[float, Field(ge=0, le=1500)] = Field(default=1000.0, description="on a grasp, V (4.5.2)")
     clutch_amplitude_v: Annotated[float, Field(ge=0, le=1500)] = Field(default=350.0, description="garment clutch, V (6.3.3)")
     frequency_hz: Annotated[float, Field(ge=1, le=1000)] = Field(default=20.0, description="bipolar square wave, Hz (4.5.2)")
     ttl_s: Annotated[float, Field(ge=0.02, le=1.0)] = Field(default=0.2, description="volts fall by themselves after this, s")
+    max_amplitude_v: Annotated[float, Field(ge=1, le=GREATEST_VOLTS)] = Field(
+        default=GREATEST_VOLTS, description="limit whoever asks, V"
+    )
+    max_frequency_hz: Annotated[float, Field(ge=1, le=1000)] = Field(default=1000.0, description="limit whoever asks, Hz")
+    max_charge_c: Annotated[float, Field(ge=1e-7, le=45e-6)] = Field(default=45e-6, description="limit of the stored charge, C")
     overlap_m2: Annotated[float, Field(ge=1e-6, le=0.1)] = Field(default=11e-4, description="strip overlap, m² (4.7.1)")
     calibration: dict[str, BrakeCalibration] = Field(default_factory=dict)
+
+    def board_limits(self) -> Wanted:
+        """What the controller is configured with, in the order of ``identity.limits``."""
+        return (
+            math.floor(self.max_amplitude_v),
+            None,
+            math.floor(10 * self.max_frequency_hz + 1e-6),
+            math.ceil(1000 * max(self.ttl_s, LONGEST_PIEZO_S)),
+            math.floor(1e9 * self.max_charge_c + 1e-6),
+        )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _defaults_below_limits(cls, table: Any) -> Any:
+        """What is not given follows a limit that is; what is given must keep to it."""
+        if not isinstance(table, dict):
+            return table
+        table = dict(table)
+        for name, limit in _UNDER.items():
+            most = table.get(limit)
+            if name not in table and isinstance(most, int | float):
+                table[name] = min(cls.model_fields[name].default, most)
+        return table
+
+    @model_validator(mode="after")
+    def _below_limits(self) -> BrakeConfiguration:
+        for name, limit in _UNDER.items():
+            if getattr(self, name) > getattr(self, limit):
+                raise ValueError(f"{name} = {getattr(self, name):g} is above {limit} = {getattr(self, limit):g}")
+        return self
 
     @model_validator(mode="after")
     def _of_known_brakes(self) -> BrakeConfiguration:
@@ -113,13 +226,14 @@ class Configuration(_Part):
     brake: BrakeConfiguration = BrakeConfiguration()
 
 
-def load_configuration(path: str | Path | None) -> Configuration:
+def load_configuration(path: str | PathLike[str] | None) -> Configuration:
     """The configuration in a TOML file, or the simulated glove for None.
 
     :raises InputError: no such file, not TOML (with line and column), or a key or value that is not allowed.
     """
     if path is None:
         return Configuration()
+    path = file_path("config", path)
     try:
         with open(path, "rb") as file:
             table = tomllib.load(file)

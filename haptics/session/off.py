@@ -1,14 +1,16 @@
 """Make boards safe: whatever is found is told to stop, and asked whether it did.
 
-Faults that latched are cleared if their cause is gone: this is how a person who has looked at a board hands it back. Arming
-stays a separate step.
+A stop needs no more than a board that says who it is, so it is sent even where the rest of the handshake fails. Faults that
+latched are cleared if their cause is gone: this is how a person who has looked at a board hands it back. Arming stays a
+separate step.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-from haptics.errors import LinkError, NotABoard
+from haptics.errors import InputError, LinkError, NotABoard
 from haptics.link.connection import Link
 from haptics.link.ports import list_ports, open_port
 from haptics.link.runner import RealtimeRunner, connect, finish
@@ -18,7 +20,11 @@ from haptics.session.faults import fault_names
 
 @dataclass(frozen=True, slots=True)
 class Off:
-    """One port's outcome. ``safe``: a board said it is off and no fault's cause is left, or there is no board there."""
+    """One port's outcome.
+
+    ``safe``: a board said that it is off and no fault's cause is left. A port that was found, not named, with no board behind it,
+    counts as safe too.
+    """
 
     port: str
     board: str | None
@@ -26,30 +32,46 @@ class Off:
     result: str
 
 
-def make_safe(ports: list[str] | None = None, timeout_s: float = 5.0) -> list[Off]:
+def make_safe(ports: Sequence[str] | None = None, timeout_s: float = 5.0) -> list[Off]:
     """Stop and disarm the boards on these ports, or on every real port found.
 
-    :raises InputError: not a port's name.
+    One that fails, or whose name is none, keeps none of the others from being made safe.
     """
     named = ports is not None
     urls = ports if ports is not None else [port.url for port in list_ports() if not port.simulated]
-    return [_stop(url, named, timeout_s) for url in urls]
+    return [_make_safe(url, named, timeout_s) for url in dict.fromkeys(urls)]
 
 
-def _stop(url: str, named: bool, timeout_s: float) -> Off:
+def _make_safe(url: str, named: bool, timeout_s: float) -> Off:
     try:
         link = Link(open_port(url), LinkSession(None, url))
-    except LinkError as error:
+    except (InputError, LinkError) as error:
         return Off(url, None, False, str(error))
     with RealtimeRunner([link]) as runner:
         try:
-            connect(runner, timeout_s=timeout_s)
-            finish(runner, link.stop(runner.now_ns()), port=url)
-            left = fault_names(finish(runner, link.send("disarm", now_ns=runner.now_ns()), port=url).detail or 0)
+            left = _off(runner, link, timeout_s)
         except NotABoard as error:
             return Off(url, None, not named, str(error))
         except LinkError as error:
-            return Off(url, None if link.board is None else link.board.name.lower(), False, str(error))
-        board = link.board
+            return Off(url, _name(link), False, str(error))
         result = f"off; the cause of a latched fault is still there: {left}" if left else "off"
-        return Off(url, None if board is None else board.name.lower(), not left, result)
+        return Off(url, _name(link), not left, result)
+
+
+def _off(runner: RealtimeRunner, link: Link, timeout_s: float) -> str:
+    """Stop, then clear what has latched; returns the faults that stay.
+
+    :raises LinkError: no board, or one that did not answer; it was told to stop if it could be.
+    """
+    try:
+        connect(runner, timeout_s=timeout_s)
+    except LinkError:
+        if link.error is None and link.identity is not None:
+            finish(runner, link.stop(runner.now_ns()), port=link.name)
+        raise
+    finish(runner, link.stop(runner.now_ns()), port=link.name)
+    return fault_names(finish(runner, link.send("disarm", now_ns=runner.now_ns()), port=link.name).detail or 0)
+
+
+def _name(link: Link) -> str | None:
+    return None if link.board is None else link.board.name.lower()

@@ -2,143 +2,231 @@
 
 from __future__ import annotations
 
+import atexit
 import threading
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from os import PathLike
 from types import TracebackType
 from typing import Any
 
-from haptics.devices import TactilesDriver
-from haptics.errors import InputError
+from haptics.devices import BrakeDriver, TactilesDriver
+from haptics.devices.tactiles import Result
+from haptics.ends import orderly, unbroken
+from haptics.errors import GloveEnded, HapticsError, InputError
+from haptics.link.events import Event, Telemetry
+from haptics.link.ports import check_port
 from haptics.session.configuration import BrakeConfiguration, load_configuration
-from haptics.session.glove import TICK_NS, Glove
-from haptics.time import NS_PER_S, seconds_to_ns
-from haptics.units import in_range
+from haptics.session.glove import Glove
+from haptics.session.glove_state import GloveState, glove_state
+from haptics.session.service import JOIN_S, Service, go_off
+from haptics.time import seconds_to_ns
+from haptics.units import number, one_of, whole_number
 
-
-@dataclass(frozen=True, slots=True)
-class GloveState:
-    """What the host knows of the glove now."""
-
-    time_ns: int
-    rise_k: dict[str, float]
-    headroom_k: dict[str, float]
-    pins_out: tuple[str, ...]
-    volts: dict[str, float]
-    capacitance_pf: dict[str, int]
-    armed: tuple[str, ...]
-    faults: tuple[str, ...]
+LONGEST_STEP_S = 1e6
+_KINDS = {"drive": "brake"}
+"""A result's kind, where it is not the command's name."""
 
 
 class OpenGlove:
     """A glove for scripts: plain calls, in the background's real time or in stepped virtual time.
 
-    Use as a context manager; leaving it by any way goes off.
+    It is served from its opening on. Use it as a context manager, or call ``close``: both go off, by whatever way they are left.
+    Inside ``with``, in the main thread, SIGTERM and SIGHUP leave it like Ctrl-C (``haptics.ends.orderly``).
+    Calls may come from several threads; each waits for the one before. Once it is closed, or the thread that serves it has ended,
+    every call raises ``GloveEnded`` (after the latter, ``state``, ``off`` and ``close`` still answer).
     """
 
     def __init__(self, glove: Glove, brake: BrakeConfiguration):
         self._glove, self._brake = glove, brake
         self._lock = threading.RLock()
-        self._closing = threading.Event()
-        self._thread = threading.Thread(target=self._serve, name="glove", daemon=True) if glove.realtime else None
+        self._closing = threading.RLock()
+        self._ending = self._closed = False
+        self._ends = ExitStack()
+        self._telemetry: dict[str, Telemetry] = {}
+        self._refused: list[Result] = []
+        glove.on_event(self._note)
+        try:
+            self._service = Service(glove, self._lock) if glove.realtime else None
+        except BaseException:  # no thread to be had
+            glove.close()
+            raise
+        if glove.realtime:
+            atexit.register(self.close)
 
     def __enter__(self) -> OpenGlove:
-        if self._thread is not None:
-            self._thread.start()
-        return self
+        with self._use():
+            self._ends.enter_context(orderly())
+            return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
-        self.close()
-
-    def _serve(self) -> None:
-        while not self._closing.wait(TICK_NS / NS_PER_S):
-            with self._lock:
-                self._glove.follow(self._glove.now_ns())
-                self._glove.tick(self._glove.now_ns())
+        try:
+            with unbroken:
+                self.close()
+        finally:
+            self._ends.__exit__(kind, error, trace)
 
     def arm(self) -> None:
         """Arm every board.
 
         :raises HapticsError: a board would not.
         """
-        with self._lock:
-            self._glove.arm()
+        with self._use(missed_allowed=True) as glove:
+            glove.arm()
+            if self._service is not None:
+                self._service.served(armed=True)
 
     def contact(self, site: str) -> None:
         """The pin of a site comes out and stays.
 
         :raises InputError: no such site, or this glove has no array.
         """
-        with self._lock:
-            self._array().contact(site, self._glove.now_ns())
+        with self._use() as glove:
+            array = self._array()
+            array.contact(one_of("site", site, array.sites), glove.now_ns())
 
     def release(self, site: str) -> None:
         """The pin of a site goes back.
 
         :raises InputError: no such site, or this glove has no array.
         """
-        with self._lock:
-            self._array().release(site, self._glove.now_ns())
+        with self._use() as glove:
+            array = self._array()
+            array.release(one_of("site", site, array.sites), glove.now_ns())
 
     def pulse(self, site: str, count: int = 1, rate_hz: float = 50.0) -> None:
         """``count`` pulses at ``rate_hz`` (1 to 100 Hz); each may be denied by heat or current, and :meth:`results` says so.
 
-        :raises InputError: no such site, a count outside 1 to 1000, or a rate outside its range.
+        :raises InputError: no such site, a count that is no integer from 1 to 1000, or a rate outside its range.
         """
-        in_range("rate_hz", rate_hz, 1.0, 100.0, "Hz")
-        in_range("count", count, 1, 1000)
-        with self._lock:
-            now_ns = self._glove.now_ns()
-            self._array().train(site, count, seconds_to_ns(1.0 / rate_hz), now_ns)
+        with self._use() as glove:
+            array = self._array()
+            one_of("site", site, array.sites)
+            count = whole_number("count", count, 1, 1000)
+            period_ns = seconds_to_ns(1.0 / number("rate_hz", rate_hz, 1.0, 100.0, "Hz"))
+            array.train(site, count, period_ns, glove.now_ns())
 
     def brake(self, name: str, force_n: float | None = None, volts: float | None = None, ttl_s: float = 0.2) -> float:
-        """Hold a brake for ``ttl_s``, by force (volts from the fitted law) or by volts; returns the volts.
+        """Hold a brake for ``ttl_s`` (1 ms to 60 s), by force (volts from the fitted law) or by volts; returns the volts.
 
         :raises InputError: neither or both given, out of range, unknown brake, or this glove has no brakes.
         """
-        if (force_n is None) == (volts is None):
-            raise InputError(f"force_n = {force_n}, volts = {volts}; allowed: exactly one of them")
-        if self._glove.brakes is None:
-            raise InputError("this glove has no brake controller; allowed: open it with brake=…")
-        if force_n is not None:
-            law, overlap_m2 = self._brake.law(name)
-            volts = law.volts_for(force_n, overlap_m2)
-        assert volts is not None
-        with self._lock:
-            self._glove.brakes.engage(name, volts, self._glove.now_ns(), ttl_s=ttl_s)
-        return volts
+        with self._use() as glove:
+            brakes = glove.brakes
+            if brakes is None:
+                raise InputError("this glove has no brake controller; allowed: open it with brake=…")
+            one_of("name", name, brakes.channels)
+            ttl_s = number("ttl_s", ttl_s, 0.001, 60.0, "s")
+            volts = self._volts(name, force_n, volts, brakes.max_amplitude_v)
+            self._take_refusals(brakes, "")
+            brakes.engage(name, volts, glove.now_ns(), ttl_s=ttl_s)
+            self._take_refusals(brakes, name)
+            return volts
 
-    def results(self) -> list[Any]:
-        """What became of the pulses asked for, since the last call."""
-        with self._lock:
-            return [] if self._glove.tactiles is None else self._glove.tactiles.take_results()
+    def results(self) -> list[Result]:
+        """What became of what was asked for, since the last call: every pulse, and brake and piezo commands that were refused."""
+        with self._use(missed_allowed=True) as glove:
+            if glove.brakes is not None:
+                self._take_refusals(glove.brakes, "")
+            refused, self._refused = self._refused, []
+            return refused if glove.tactiles is None else [*glove.tactiles.take_results(), *refused]
 
     def state(self) -> GloveState:
-        """Temperatures, pins, volts, faults."""
-        with self._lock:
-            return glove_state(self._glove)
+        """Temperatures, pins, volts, faults, and how old what boards said is."""
+        with self._use(missed_allowed=True, ended_allowed=True) as glove:
+            return glove_state(glove, self._telemetry, () if self._service is None else self._service.faults)
 
     def advance(self, seconds: float) -> None:
         """Let virtual time pass.
 
-        :raises InputError: the glove runs in real time.
+        :raises InputError: not 0 to a million seconds, or the glove runs in real time.
         """
-        self._glove.step_to(self._glove.now_ns() + seconds_to_ns(seconds))
+        seconds = number("seconds", seconds, 0.0, LONGEST_STEP_S, "s")
+        with self._use() as glove:
+            glove.step_to(glove.now_ns() + seconds_to_ns(seconds))
 
     def off(self) -> None:
         """Pins withdrawn, volts zero, disarmed."""
-        with self._lock:
-            self._glove.off()
+        with self._use(missed_allowed=True, ended_allowed=True) as glove:
+            go_off(glove)
+            if self._service is not None:
+                self._service.served()
 
     def close(self) -> None:
-        """Go off and close the ports."""
-        self._closing.set()
-        if self._thread is not None and self._thread.is_alive():
-            self._thread.join()
+        """Go off and close the ports, whatever goes wrong meanwhile. A second call does nothing.
+
+        :raises HapticsError: a call of another thread does not end, so that boards were left to their dead-man.
+        """
+        with self._closing:
+            if self._closed:
+                return
+            self._ending = True
+            try:
+                self._go_off()
+            finally:
+                self._closed = True
+                atexit.unregister(self.close)
+                try:
+                    self._glove.close()
+                except BaseException:  # interrupted between two ports
+                    self._glove.close()
+                    raise
+
+    def _go_off(self) -> None:
+        if self._service is not None:
+            self._service.stop()
+        if not self._lock.acquire(timeout=JOIN_S):
+            raise HapticsError(
+                f"the glove was closed without going off: a call of another thread has not ended for {JOIN_S:g} s; boards that "
+                "hear nothing more make themselves safe by their dead-man, pins stay as they are"
+            )
         try:
-            self._glove.off()
+            go_off(self._glove)
+        except Exception:
+            if self._service is None or not self._service.ended:  # else it was reported already
+                raise
         finally:
-            self._glove.close()
+            self._lock.release()
+
+    @contextmanager
+    def _use(self, missed_allowed: bool = False, ended_allowed: bool = False) -> Iterator[Glove]:
+        """The glove, for one call alone.
+
+        :raises GloveEnded: it is closed, or no longer served. :raises DeadManMissed: boards made themselves safe meanwhile.
+        """
+        with self._lock:
+            if self._ending:
+                raise GloveEnded("this glove is closed; allowed: haptics.open another")
+            service = self._service
+            if service is not None and not (ended_allowed if service.ended else missed_allowed):
+                service.check()
+            yield self._glove
+
+    def _note(self, board: str, event: Event) -> None:
+        if isinstance(event, Telemetry):
+            self._telemetry[board] = event
+
+    def _take_refusals(self, brakes: BrakeDriver, name: str) -> None:
+        """Note what the brake controller refused; ``name``: the brake it was asked for, if one knows."""
+        for one in brakes.take_refusals():
+            kind = _KINDS.get(one.command, one.command)
+            self._refused.append(Result(name or ", ".join(brakes.engaged()), kind, False, one.reason, one.sent_ns, None))
+
+    def _volts(self, name: str, force_n: object, volts: object, max_v: float) -> float:
+        """Volts for a brake, given by exactly one of its force and its volts."""
+        if (force_n is None) == (volts is None):
+            raise InputError(f"force_n = {force_n}, volts = {volts}; allowed: exactly one of them")
+        if force_n is None:
+            return number("volts", volts, 0.0, max_v, "V")
+        law, overlap_m2 = self._brake.law(name)
+        held_n = law.force_n(max_v, overlap_m2)
+        asked_n = number("force_n", force_n, 0.0, 1e6, "N")
+        if asked_n > held_n:
+            raise InputError(
+                f"force_n = {asked_n:g} N needs {law.volts_for(asked_n, overlap_m2):.0f} V; allowed: 0 to {held_n:.3g} N, "
+                f"what the {name} brake holds at {max_v:g} V"
+            )
+        return min(law.volts_for(asked_n, overlap_m2), max_v)
 
     def _array(self) -> TactilesDriver:
         if self._glove.tactiles is None:
@@ -146,26 +234,8 @@ class OpenGlove:
         return self._glove.tactiles
 
 
-def glove_state(glove: Glove) -> GloveState:
-    """A snapshot of what the host knows."""
-    now_ns = glove.now_ns()
-    array, brake = glove.tactiles, glove.brakes
-    brake_says = glove.telemetry.get("brake")
-    names: Sequence[str] = () if brake is None else brake.channels
-    return GloveState(
-        time_ns=now_ns,
-        rise_k={} if array is None else dict(zip(array.sites, array.rises_k(now_ns), strict=True)),
-        headroom_k={} if array is None else dict(zip(array.sites, array.headrooms_k(now_ns), strict=True)),
-        pins_out=() if array is None else tuple(s for s, out in zip(array.sites, array.pins_out(), strict=True) if out),
-        volts={} if brake_says is None else dict(zip(names, brake_says.output, strict=False)),
-        capacitance_pf={} if brake_says is None else dict(zip(names, brake_says.capacitance, strict=False)),
-        armed=tuple(name for name, link in glove.links.items() if link.armed),
-        faults=tuple(glove.faults),
-    )
-
-
 def open(
-    config: str | None = None,
+    config: str | PathLike[str] | None = None,
     *,
     tactiles: str | None = None,
     brake: str | None = None,
@@ -177,6 +247,11 @@ def open(
     :param clock: ``real``, or ``virtual`` to step simulated boards with ``advance``.
     :raises HapticsError: a file, port or board that cannot be used.
     """
+    one_of("clock", clock, ("real", "virtual"))
+    seed = whole_number("seed", seed, 0, 2**32 - 1)
+    for name, url in (("tactiles", tactiles), ("brake", brake)):
+        if url is not None:
+            check_port(url, name)
     configuration = load_configuration(config)
     parts: dict[str, Any] = {"tactiles": configuration.tactiles, "brake": configuration.brake}
     for name, url in (("tactiles", tactiles), ("brake", brake)):
@@ -184,6 +259,4 @@ def open(
             parts[name] = parts[name].model_copy(update={"port": url})
         elif config is None and (tactiles or brake):
             parts[name] = None
-    if clock not in ("real", "virtual"):
-        raise InputError(f"clock = {clock!r} is not allowed; allowed: real, virtual")
     return OpenGlove(Glove(parts["tactiles"], parts["brake"], realtime=clock == "real", seed=seed), configuration.brake)

@@ -10,8 +10,11 @@ import numpy as np
 
 from haptics.errors import InputError
 from haptics.recording import load
+from haptics.scene.motion import refusals
+from haptics.scene.recordings import load_hand
 from haptics.session.configuration import check_configuration
 from haptics.session.run import RunOptions, run_scene
+from haptics.time import NS_PER_S
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,12 +54,24 @@ def replay_recording(path: str | Path) -> Replay:
     )
     configuration = check_configuration(header["configuration"], str(path))
     configuration = configuration.model_copy(update={"side": header["side"]})
+    _check_poses(path, header["side"])
     with tempfile.TemporaryDirectory() as folder:
         again = Path(folder) / "replay.h5"
-        run_scene(header["scene_source"], str(path), configuration, replace(options, out=again))
+        try:
+            run_scene(header["scene_source"], str(path), configuration, replace(options, out=again))
+        except BaseException as error:
+            vars(error).pop("__notes__", None)  # of a recording that goes with its folder
+            raise
         wire, replayed = recording.stream("wire"), load(again).stream("wire")
     shared = min(len(wire), len(replayed))
     same = wire[:shared] == replayed[:shared]
     identical = len(wire) == len(replayed) and bool(np.all(same))
     first = None if identical else int(wire["time_ns"][np.argmin(same)] if not np.all(same) else wire["time_ns"][-1])
     return Replay(str(path), header["scene"], identical, len(wire), len(replayed), first)
+
+
+def _check_poses(path: Path, side: str) -> None:
+    """A run plays only poses that a hand can have, so a recording of one with another has been changed or damaged."""
+    frames = tuple(load_hand(path).frames(side))
+    for index, reason in refusals(frames).items():
+        raise InputError(f"{path}: pose {index} at {frames[index].time_ns / NS_PER_S:.3f} s is refused: {reason}")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -16,12 +16,15 @@ from haptics.rendering.felt import track_truths
 from haptics.rendering.onset import AFTER_START_NS, BEFORE_END_NS, Onsets, Touched, held_acts, onset_statistics, touches_on
 from haptics.scene.effects import ContactEffect
 from haptics.scene.hand import HandFrame, HandRecording
+from haptics.scene.motion import Motion
 from haptics.scene.placement import closing_strokes
 from haptics.scene.scene import Scene
 from haptics.scene.sites import SITE, SITES, nominal_sites
+from haptics.session.felt_share import LARGEST_FAILED_SHARE, FeltShare, coarse_note, fault_of, felt_share
 from haptics.session.session import Session
 from haptics.time import NS_PER_MS, NS_PER_S
 
+BRAKE_COMMANDS = ("drive", "piezo")
 AFTER_NS = 100 * NS_PER_MS
 """What a device does this long after a track's end still belongs to it."""
 TOGETHER_NS = 50 * NS_PER_MS
@@ -32,9 +35,7 @@ def build_report(
     *,
     session: Session,
     plan: Plan,
-    recording: HandRecording,
-    frames: Sequence[HandFrame],
-    side: str,
+    motion: Motion,
     latency_ns: int,
     start_ns: int,
     ticks: int,
@@ -43,9 +44,13 @@ def build_report(
     out: Path | None,
 ) -> dict[str, Any]:
     """The object that ``haptics run --json`` prints."""
+    recording, frames, side = motion.recording, motion.frames, motion.side
     events = Counter(event.kind for event in session.events)
     faults = [*session.glove.faults, *(f"watchdog: {e.detail}" for e in session.events if e.kind == "watchdog")]
-    denied = Counter(result.reason for result in session.results if not result.played)
+    denied = Counter(str(result.reason) for result in session.results if not result.played)
+    played = sum(result.played for result in session.results)
+    felt = _felt(session, played, denied)
+    faults += [fault for one in felt if (fault := fault_of(one, session.glove.links.get(one.board))) is not None]
     return {
         "scene": session.scene.name,
         "hand": {
@@ -53,16 +58,19 @@ def build_report(
             "frames": recording.frame_count,
             "duration_s": recording.duration_s,
             "side": side,
-            "poses": len(frames),
-            "refused": events["pose_refused"],
+            "poses": len(frames) + len(motion.refused),
+            "refused": len(motion.refused) + events["pose_refused"],
         },
         "contacts": events["touch"],
         "grasps": events["grasp_begin"],
         "pulses": {
             "requested": len(session.results),
-            "played": sum(result.played for result in session.results),
-            "denied": {str(reason): count for reason, count in sorted(denied.items(), key=lambda item: str(item[0]))},
+            "played": played,
+            "denied": dict(sorted(denied.items())),
         },
+        "failed_share": {one.board: one.share for one in felt},
+        "largest_failed_share": LARGEST_FAILED_SHARE,
+        "shift_ms": {name: link.shift_ns / NS_PER_MS for name, link in session.glove.links.items()},
         "onset_error_ms": _onset(session, frames, latency_ns, start_ns, tick_ns),
         "actuators": _actuators(session, plan),
         "brakes": _brakes(session),
@@ -71,9 +79,19 @@ def build_report(
         "absent": [asdict(absence) for absence in plan.absent],
         "derated": Counter(event.detail for event in session.events if event.kind == "derated"),
         "faults": faults,
-        "notes": _notes(session.scene, recording, side, session),
+        "notes": [*motion.notes, *_notes(session.scene, recording, side, session)],
         "recording": None if out is None else str(out),
     }
+
+
+def _felt(session: Session, played: int, denied: Mapping[str, int]) -> list[FeltShare]:
+    """Of each board: what was asked of it, and what of that failed."""
+    shares = [] if session.glove.tactiles is None else [felt_share("tactiles", played, denied)]
+    if session.glove.brakes is not None:
+        refused = Counter(event.detail for event in session.events if event.kind == "derated" and event.subject in BRAKE_COMMANDS)
+        sent = max(session.glove.brakes.commands, refused.total())
+        shares.append(felt_share("brake", sent - refused.total(), refused))
+    return shares
 
 
 def _onset(session: Session, frames: Sequence[HandFrame], latency_ns: int, start_ns: int, tick_ns: int) -> dict[str, Any]:
@@ -145,6 +163,7 @@ def _brake_holds(session: Session, start_ns: int) -> list[int]:
 
 
 def _actuators(session: Session, plan: Plan) -> list[dict[str, Any]]:
+    """Each actuator's warmest, by the plant's truth, or on hardware by the account's upper bound, and the room left then."""
     array = session.glove.tactiles
     if array is None:
         return []
@@ -178,12 +197,12 @@ def _brakes(session: Session) -> list[dict[str, Any]]:
 def _notes(scene: Scene, recording: HandRecording, side: str, session: Session) -> list[str]:
     notes = [*scene.notes, *(f"{name} is not there: {why}" for name, why in scene.absent)]
     tracks = recording.of_side(side)
-    if not tracks:
-        notes.append(f"{recording.source} has no {side} hand")
-    elif scene.needs.brakes and not any(closing_strokes(track) for track in tracks):
+    if scene.needs.brakes and not any(closing_strokes(track) for track in tracks):
         notes.append(f"no grasp to expect: the {side} hand makes no closing stroke of thumb and index")
     if recording.dropped:
         notes.append("left out while reading: " + ", ".join(f"{count} {what}" for what, count in recording.dropped.items()))
+    notes += session.glove.notes
+    notes += [note for name, link in session.glove.links.items() if (note := coarse_note(name, link)) is not None]
     withdrawn = sum(event.kind == "grasp_withdrawn" for event in session.events)
     if withdrawn:
         notes.append(f"brakes closed ahead of {withdrawn} grasps that did not come, and opened again")

@@ -11,11 +11,16 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from haptics.ends import orderly, unbroken
 from haptics.errors import InputError
 from haptics.fidelity import DEFAULT_BUDGET, DEFAULT_TOLERANCE_JND, Plan, plan_scene
-from haptics.recording import finalise, load, recover, write_picture, write_rrd
+from haptics.recording import finalise, load, write_picture, write_rrd
+from haptics.recording.ending import keep
+from haptics.recording.leftovers import journal_of, refuse_leftover
+from haptics.recording.output import check_outputs
 from haptics.scene import load_scene
-from haptics.scene.hand import HandFrame, HandRecording, check_frame
+from haptics.scene.hand import HandFrame, HandRecording
+from haptics.scene.motion import judge_motion
 from haptics.scene.recordings import load_hand
 from haptics.scene.scene import Scene
 from haptics.scene.sites import SITES, nominal_sites
@@ -37,11 +42,13 @@ TAIL_NS = 40 * NS_PER_MS
 class RunOptions:
     """What a run may be told besides scene, hand and configuration. Paths that are None are not written, but ``out`` is named.
 
+    ``side``: ``left``, ``right`` or ``auto``, instead of the configuration's.
     ``levels``, ``tolerance_jnd``, ``budget_s_per_s``: see ``fidelity.plan_scene``. ``watch`` is shown the ended session.
     """
 
     port_tactiles: str | None = None
     port_brake: str | None = None
+    side: str | None = None
     realtime: bool = False
     latency_s: float | None = None
     seed: int = 1
@@ -67,17 +74,16 @@ def run_scene(scene_name: str, hand_source: str, configuration: Configuration, o
     in_range("latency", latency_s * 1e3, 0.0, 100.0, "ms")
     in_range("seed", options.seed, 0, 2**31 - 1)
     scene = load_scene(scene_name)
-    recording = load_hand(hand_source)
-    side = recording.side_with_most_frames if configuration.side == "auto" else configuration.side
-    frames = tuple(recording.frames(side))
-    check_motion(str(hand_source), frames)
-    placed = scene.placed_for(recording, side) if frames else scene.placed(None, None, side)
+    motion = judge_motion(load_hand(hand_source), configuration.side if options.side is None else options.side, str(hand_source))
+    if options.side is not None:
+        configuration = configuration.model_copy(update={"side": options.side})
+    recording, side, frames = motion.recording, motion.side, motion.frames
+    placed = scene.placed_for(recording, side)
     if placed.slow_notice is not None:
         print(f"note: {placed.slow_notice}", file=sys.stderr, flush=True)
     plan = plan_of(placed, configuration, options)
     out = options.out or Path(f"{scene.name}-{time.strftime('%Y%m%d-%H%M%S')}.h5")
-    for path in (out, options.rrd, options.picture):
-        _refuse_existing(path, options.force)
+    _check_outputs(out, hand_source, scene_name, options)
     glove_brakes = _with_outputs(configuration.brake, placed).channels if plan.builds("brake") or plan.builds("piezo") else ()
     header = {
         **provenance(),
@@ -103,41 +109,54 @@ def run_scene(scene_name: str, hand_source: str, configuration: Configuration, o
     }
     recorder: Recorder | None = None
     tap = _Tap()
-    glove = open_glove(placed, plan, configuration, options, tap)
-    try:
-        if options.record:
-            recorder = Recorder(out.with_suffix(".journal"), header, options.force)
-            tap.attach(recorder)
-        session, start_ns, ticks, missed = _play(glove, placed, configuration, recorder, frames, recording, latency_s, options)
-    except BaseException:
-        glove.off()
-        glove.close()
-        if recorder is not None:  # interrupted or failed: keep what there is, marked incomplete
-            recorder.journal.abandon()
-            recover(recorder.path, out, force=options.force)
-        raise
-    glove.close()
-    if options.watch is not None:
-        options.watch(session)
-    report = build_report(
-        session=session,
-        plan=plan,
-        recording=recording,
-        frames=frames,
-        side=side,
-        latency_ns=seconds_to_ns(latency_s),
-        start_ns=start_ns,
-        ticks=ticks,
-        ticks_missed=missed,
-        tick_ns=NS_PER_S // configuration.tick_hz,
-        out=out if options.record else None,
-    )
-    if recorder is not None:
-        recorder.journal.blob("report.json", _json_bytes(report))
-        recorder.journal.close({"ended": "off"})
-        finalise(recorder.path, out, force=options.force)
-        _derive(out, options)
+    with orderly():
+        glove = open_glove(placed, plan, configuration, options, tap)
+        try:
+            try:
+                if options.record:
+                    recorder = Recorder(journal_of(out), header, options.force)
+                    tap.attach(recorder)
+                played = _play(glove, placed, configuration, recorder, frames, recording, latency_s, options)
+            except BaseException:
+                _make_safe(glove, recorder)
+                raise
+            glove.close()
+            session, start_ns, ticks, missed = played
+            if options.watch is not None:
+                options.watch(session)
+            report = build_report(
+                session=session,
+                plan=plan,
+                motion=motion,
+                latency_ns=seconds_to_ns(latency_s),
+                start_ns=start_ns,
+                ticks=ticks,
+                ticks_missed=missed,
+                tick_ns=NS_PER_S // configuration.tick_hz,
+                out=out if options.record else None,
+            )
+            if recorder is not None:
+                recorder.journal.blob("report.json", _json_bytes(report))
+                recorder.journal.close({"ended": "off"})
+                finalise(recorder.journal.path, out, force=options.force)
+        except BaseException as error:
+            if recorder is not None:
+                keep(recorder.journal, out, options.force, error)
+            raise
+        if recorder is not None:
+            _derive(out, options)
     return report
+
+
+def _make_safe(glove: Glove, recorder: Recorder | None) -> None:
+    """Off and closed, whatever else is asked for or goes wrong meanwhile."""
+    with unbroken:
+        if recorder is not None:
+            recorder.journal.raises = False
+        try:
+            glove.off()
+        finally:
+            glove.close()
 
 
 def plan_of(scene: Scene, configuration: Configuration, options: RunOptions) -> Plan:
@@ -152,19 +171,6 @@ def plan_of(scene: Scene, configuration: Configuration, options: RunOptions) -> 
         options.levels,
         configuration.brake.amplitude_v if scene.needs.brakes else None,
     )
-
-
-def check_motion(source: str, frames: tuple[HandFrame, ...]) -> None:
-    """Refuse a recorded motion no hand can make.
-
-    :raises InputError: the frame, and what is wrong with it.
-    """
-    previous = None
-    for index, frame in enumerate(frames):
-        reason = check_frame(frame, previous)
-        if reason is not None:
-            raise InputError(f"hand {source}: pose {index} at {frame.time_ns / NS_PER_S:.3f} s is refused: {reason}")
-        previous = frame
 
 
 def open_glove(scene: Scene, plan: Plan, configuration: Configuration, options: RunOptions, tap: Any = None) -> Glove:
@@ -318,13 +324,16 @@ class _Progress:
             print("\r     \r", end="", file=sys.stderr, flush=True)
 
 
-def _refuse_existing(path: Path | None, force: bool) -> None:
-    if path is None:
-        return
-    if not path.parent.is_dir():
-        raise InputError(f"{path}: its folder does not exist")
-    if path.exists() and not force:
-        raise InputError(f"{path} exists; allowed: another name, or --force to overwrite it")
+def _check_outputs(out: Path, hand: str, scene: str, options: RunOptions) -> None:
+    """All that can be known of the outputs before a board is opened.
+
+    :raises InputError: see ``check_outputs``; a journal of an earlier run is in the way.
+    """
+    outputs = {"out": out if options.record else None, "rrd": options.rrd, "picture": options.picture}
+    if options.record:
+        refuse_leftover(journal_of(out), options.force)
+        outputs["the journal of out"] = journal_of(out)
+    check_outputs(outputs, options.force, {"hand": Path(hand), "scene": Path(scene)})
 
 
 def _sites() -> dict[str, Any]:
@@ -342,8 +351,14 @@ def _json_bytes(report: dict[str, Any]) -> bytes:
 
 def _derive(out: Path, options: RunOptions) -> None:
     """The views asked for, from the finished recording."""
-    recording = load(out)
-    if options.rrd is not None:
-        write_rrd(recording, options.rrd, force=options.force)
-    if options.picture is not None:
-        write_picture(recording, options.picture, force=options.force)
+    if options.rrd is None and options.picture is None:
+        return
+    try:
+        recording = load(out)
+        if options.rrd is not None:
+            write_rrd(recording, options.rrd, force=options.force)
+        if options.picture is not None:
+            write_picture(recording, options.picture, force=options.force)
+    except BaseException as error:
+        error.add_note(f"the recording {out} is complete")
+        raise

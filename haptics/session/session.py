@@ -22,11 +22,15 @@ from haptics.rendering.loop import Leads, LoopEvent, RenderLoop
 from haptics.scene.hand import HandFrame
 from haptics.scene.scene import Scene
 from haptics.scene.sites import SITES, nominal_sites
+from haptics.scene.well_formed import ill_formed
 from haptics.session.configuration import Configuration
 from haptics.session.glove import Glove
 from haptics.session.recorder import Recorder
 from haptics.time import NS_PER_MS, NS_PER_S
+from haptics.units import an_instance, whole_number
 
+LATEST_NS = 1 << 62
+"""End of time, as far as any clock here goes."""
 SAMPLE_NS = 10 * NS_PER_MS
 """The devices are sampled into the recording this often."""
 
@@ -74,6 +78,7 @@ class Session:
 
     :param scene: placed. :param glove: open; armed by its owner.
     :param recorder: takes rows, or None.
+    :raises InputError: something else in place of these, here or in a call.
     """
 
     def __init__(
@@ -83,20 +88,27 @@ class Session:
         configuration: Configuration,
         recorder: Recorder | None = None,
     ):
+        an_instance("scene", scene, Scene, "from haptics.load_scene")
+        an_instance("glove", glove, Glove, "from haptics.Glove")
+        an_instance("configuration", configuration, Configuration, "from haptics.load_configuration")
         self.scene, self.glove, self.recorder = scene, glove, recorder
         self.truth = Truth()
         self.results: list[Result] = []
         self.events: list[LoopEvent] = []
         self.leads = device_leads(configuration, scene)
+        most_v = math.inf if glove.brakes is None else glove.brakes.max_amplitude_v
         self.loop = RenderLoop(
             scene,
             nominal_sites(),
             glove.tactiles,
             glove.brakes,
             self.leads,
-            brake_amplitude_v=configuration.brake.amplitude_v,
-            clutch_amplitude_v=configuration.brake.clutch_amplitude_v,
+            brake_amplitude_v=min(configuration.brake.amplitude_v, most_v),
+            clutch_amplitude_v=min(configuration.brake.clutch_amplitude_v, most_v),
+            tick_ns=NS_PER_S // configuration.tick_hz,
+            side=None if configuration.side == "auto" else configuration.side,
         )
+        self._times_armed = glove.times_armed
         self._array_plant = glove.plant("tactiles")
         self._brake_plant = glove.plant("brake")
         self._sample_ns = 0
@@ -104,26 +116,42 @@ class Session:
 
     def begin(self, start_ns: int) -> None:
         """The scene's own clock (motions, signals) reads zero at ``start_ns`` of the glove's time."""
+        start_ns = whole_number("start_ns", start_ns, 0, LATEST_NS)
         self.loop.begin(start_ns)
         if self.recorder is not None:
             self.recorder.event(start_ns, "start")
 
     def submit(self, frame: HandFrame, now_ns: int) -> str | None:
-        """A pose that arrived at ``now_ns``; returns why it was refused, or None. Never blocks."""
+        """A pose that arrived at ``now_ns``; returns why it was refused, or None. Never blocks.
+
+        :raises InputError: no ``HandFrame`` at all.
+        """
+        an_instance("frame", frame, HandFrame, "with time, side and joints")
+        now_ns = whole_number("now_ns", now_ns, 0, LATEST_NS)
+        self._watch_arming(now_ns)
         reason = self.loop.submit(frame, now_ns)
-        if self.recorder is not None:
+        if self.recorder is not None and ill_formed(frame) is None:  # what has no row in the recording is an event there
             self.recorder.pose(now_ns, frame, reason is None)
         return reason
 
     def hand_gone(self, now_ns: int) -> None:
         """The tracker says there is no hand any more."""
-        self.loop.hand_gone(now_ns)
+        self.loop.hand_gone(whole_number("now_ns", now_ns, 0, LATEST_NS))
 
     def tick(self, now_ns: int) -> None:
         """One period of the loop: links to ``now_ns``, effects, drivers, rows."""
+        if type(now_ns) is not int:
+            now_ns = whole_number("now_ns", now_ns, 0, LATEST_NS)
+        self._watch_arming(now_ns)
         self.glove.follow(now_ns)
         self.loop.tick(now_ns)
         self._observe(now_ns)
+
+    def _watch_arming(self, now_ns: int) -> None:
+        """Devices that were armed anew have forgotten what they did; so does the loop."""
+        if self.glove.times_armed != self._times_armed:
+            self._times_armed = self.glove.times_armed
+            self.loop.start_over(now_ns)
 
     def settle(self) -> None:
         """Collect what came out after the last tick, while the glove went off."""

@@ -21,6 +21,7 @@ class Accelerometer(SampleStream):
 
     kind = "accelerometer"
     columns = (("acceleration_g", "g"),)
+    example = "512"
 
     def __init__(self, url: str, baud: int = 500_000):
         super().__init__(url, baud)

@@ -15,6 +15,7 @@ class LoadCell(SampleStream):
 
     kind = "loadcell"
     columns = (("force_n", "N"),)
+    example = "21550"
 
     _counts_per_n: float | None = None
 

@@ -26,6 +26,7 @@ class Probe(SampleStream):
 
     kind = "probe"
     columns = (("volts_v", "V"), ("supply_a", "A"))
+    example = "512"
 
     def __init__(self, url: str, baud: int = BAUD):
         super().__init__(url, baud)

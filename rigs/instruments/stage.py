@@ -9,9 +9,10 @@ from __future__ import annotations
 import re
 
 from haptics.errors import InputError
-from haptics.link.ports import BytePort, PortErrors, open_port
+from haptics.link.ports import BytePort, PortErrors, open_port, read_waiting
 from haptics.time import NS_PER_MS, seconds_to_ns
 from haptics.units import in_range
+from rigs.instruments.heard import Heard
 
 POSITION_GAIN_SD = 1e-3
 """Standard deviation of way gone over way asked for, as a share: pitch of the screw (assumed)."""
@@ -44,6 +45,7 @@ class Stage:
         self.state = ""
         self.position_m = 0.0
         self.refusals: list[str] = []
+        self._heard = Heard()
         self._rest = b""
         self._unanswered = 0
         self._asked_ns = -_ASK_NS
@@ -86,9 +88,9 @@ class Stage:
         :raises LinkLost: the port went away.
         """
         with PortErrors(self.url, "read"):
-            waiting = self.port.in_waiting
-            data = self.port.read(waiting) if waiting else b""
+            data = read_waiting(self.port)
         if data:
+            self._heard.take(data)
             *lines, self._rest = (self._rest + data).split(b"\n")
             self._rest = self._rest[-_LONGEST_LINE:]
             for line in lines:
@@ -96,6 +98,10 @@ class Stage:
         if now_ns - self._asked_ns >= _ASK_NS:
             self._asked_ns = now_ns
             self._write(b"?")
+
+    def seen(self) -> str:
+        """What came instead of a status, in words."""
+        return self._heard.in_words("GRBL's '<Idle|MPos:0.000,0.000,0.000|FS:0,0>'")
 
     def close(self) -> None:
         """Close the port."""
@@ -112,6 +118,8 @@ class Stage:
             self._fresh = self._unanswered == 0
         elif line.startswith("#"):
             raise InputError(f"port = {self.url!r} is a {(line[1:].split() or ['?'])[0]}; wanted here: a stage")
+        else:
+            self._heard.strange(line)
 
     def _write(self, data: bytes) -> None:
         with PortErrors(self.url, "write"):

@@ -6,14 +6,16 @@ wire and the reader's polling take, never early, so the earliest arrivals fix th
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from haptics.errors import InputError, LinkError
-from haptics.link.ports import BytePort, PortErrors, open_port
+from haptics.link.ports import BytePort, PortErrors, open_port, read_waiting
 from haptics.units import in_range
+from rigs.instruments.heard import Heard
 
 INDEX_MODULUS = 1 << 16
 _LONGEST_LINE = 256
@@ -55,6 +57,8 @@ class SampleStream:
     kind = "instrument"
     columns: tuple[tuple[str, str], ...] = ()
     """Name and unit of each value, as they are recorded and returned."""
+    example = "25.5"
+    """A value as it is printed, for people whose instrument prints something else."""
 
     def __init__(self, url: str, baud: int = 500_000):
         self.url = url
@@ -62,6 +66,7 @@ class SampleStream:
         self.header: dict[str, str] = {}
         self.faults: list[tuple[int, str]] = []
         self.bad_lines = 0
+        self._heard = Heard()
         self._rest = b""
         self._index: list[int] = []
         self._values: list[tuple[float, ...]] = []
@@ -71,11 +76,12 @@ class SampleStream:
     def convert(self, words: list[str]) -> tuple[float, ...]:
         """The values of one line, in the units of ``columns``.
 
-        :raises ValueError: not numbers.
+        :raises ValueError: not finite numbers.
         """
-        if len(words) != len(self.columns):
-            raise ValueError(f"{len(words)} values")
-        return tuple(float(word) for word in words)
+        values = tuple(float(word) for word in words)
+        if len(values) != len(self.columns) or not all(map(math.isfinite, values)):
+            raise ValueError(f"{len(words)} values, or none")
+        return values
 
     # Reading.
 
@@ -90,10 +96,10 @@ class SampleStream:
         :raises LinkLost: the port went away.
         """
         with PortErrors(self.url, "read"):
-            waiting = self.port.in_waiting
-            data = self.port.read(waiting) if waiting else b""
+            data = read_waiting(self.port)
         if not data:
             return 0
+        self._heard.take(data)
         before = len(self._index)
         *lines, self._rest = (self._rest + data).split(b"\n")
         self._rest = self._rest[-_LONGEST_LINE:]
@@ -137,15 +143,26 @@ class SampleStream:
         :raises InstrumentSilent: there are none.
         """
         if not self._index:
-            raise InstrumentSilent(
-                self.url, f"no sample came from the {self.kind}", "measure", "is it on, and at this baud rate?"
-            )
+            raise InstrumentSilent(self.url, f"no sample came from the {self.kind}: {self.seen()}", "measure")
         number = np.array(self._index, dtype=np.int64)
         last, arrived_ns = (np.array(column, dtype=np.int64) for column in zip(*self._batches, strict=True))
         period_s = 1.0 / self.rate_hz
         after_s = (arrived_ns - arrived_ns[0]) / 1e9 - (last - number[0]) * period_s
         start_ns = int(arrived_ns[0]) + round(float(after_s.min()) * 1e9)
         return Samples(start_ns, (number - number[0]) * period_s, np.array(self._values, dtype=float))
+
+    def seen(self) -> str:
+        """What came instead of a sample or a header, in words."""
+        if self._index and not self.header:
+            return f"it prints samples, but does not answer '?' with '# {self.kind} rate_hz=...'"
+        if self.header and not self._index:
+            return f"it says what it is, but no sample: {self._heard.in_words(self._expected)}"
+        return self._heard.in_words(self._expected)
+
+    @property
+    def _expected(self) -> str:
+        values = " ".join(name.upper() for name, _ in self.columns)
+        return f"'COUNT {values}', such as '7 {' '.join([self.example] * len(self.columns))}'"
 
     def number(self, key: str, low: float, high: float, unit: str = "") -> float:
         """A number of the header.
@@ -167,10 +184,11 @@ class SampleStream:
             if kind == self.kind:
                 self.header = dict(pair.split("=", 1) for pair in pairs if "=" in pair)
             elif kind:
-                raise InputError(f"port = {self.url!r} is a {kind}; wanted here: a {self.kind}")
+                raise InputError(f"port = {self.url!r} is a {kind} (it says {line[:60]!r}); wanted here: a {self.kind}")
             return
         count, *words = line.split()[:8] or [""]
         if not count.isdigit() or not words:
+            self._heard.strange(line)
             self.bad_lines += 1 if line and (self._index or self.header) else 0  # the first may be the end of one
             return
         index = int(count)
@@ -182,6 +200,7 @@ class SampleStream:
             if words[0].isalpha():
                 self.faults.append((index, words[0]))
             else:
+                self._heard.strange(line)
                 self.bad_lines += 1
             return
         self._index.append(index)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import signal
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from multiprocessing import get_context
 
@@ -12,6 +13,7 @@ import numpy as np
 from numpy.random import SeedSequence
 from numpy.typing import NDArray
 
+from haptics.ends import end_workers
 from haptics.units import in_range
 from rigs.tolerance.calibration import NOISES, BenchUncertainty, calibrated_host, published_host
 from rigs.tolerance.draws import GREATEST_SPREAD, NAMES, NOMINAL_DEVICE, VARIED, Varied, checked_names, device
@@ -86,14 +88,24 @@ def tolerance_study(
     )
 
 
-def process_pool(workers: int | None = None) -> ProcessPoolExecutor:
-    """Fresh processes; None: one a core. They leave an interruption to the one who started them.
+def process_pool(workers: int | None = None) -> AbstractContextManager[Executor]:
+    """Fresh processes; None: one a core. They leave an interruption to the one who started them, who ends them then.
 
     :raises InputError: ``workers`` outside 1 to 256.
     """
     if workers is not None:
         workers = int(in_range("workers", workers, 1, 256))
-    return ProcessPoolExecutor(workers, get_context("spawn"), signal.signal, (signal.SIGINT, signal.SIG_IGN))
+    return _pool(workers)
+
+
+@contextmanager
+def _pool(workers: int | None) -> Iterator[Executor]:
+    with ProcessPoolExecutor(workers, get_context("spawn"), signal.signal, (signal.SIGINT, signal.SIG_IGN)) as pool:
+        try:
+            yield pool
+        except KeyboardInterrupt:
+            end_workers()
+            raise
 
 
 def play(

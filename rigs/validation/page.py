@@ -7,8 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from haptics.cli.show import plain
-from haptics.errors import InputError
-from haptics.recording.output import refuse_existing, replacing
+from haptics.recording.output import check_outputs, make_folder, replacing
 from rigs.characterize import made_with, published_table, summary_blocks
 from rigs.judge import Judgement
 from rigs.reference import contradictions
@@ -24,12 +23,8 @@ def refuse_taken(out: Path, force: bool) -> None:
 
     :raises InputError: a file exists and ``force`` is not given, or no folder can be made.
     """
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{out}: no folder can be made there ({error.strerror or error})") from error
-    for name in _FILES:
-        refuse_existing(out / name, force)
+    make_folder(out)
+    check_outputs({name: out / name for name in _FILES}, force)
 
 
 def write_validation(found: Validation, out: Path, force: bool) -> list[Path]:

@@ -84,8 +84,11 @@ def test_off_on_a_port_that_is_not_there_says_so_and_exits_2(command, strict_jso
 @pytest.mark.parametrize(
     ("port", "word"), [("", "port"), ("sim://glove", "glove"), ("ftp://host", "ftp"), ("sim://brake?colour=red", "red")]
 )
-def test_off_refuses_what_is_no_port(refused, port, word):
-    assert word in refused("off", "--port", port)
+def test_off_names_what_is_no_port_and_still_makes_the_others_safe(command, strict_json, port, word):
+    code, out, _ = command("off", "--port", port, "--port", "sim://tactiles", "--json")
+    unknown, tactiles = strict_json(out)["ports"]
+    assert (code, unknown["safe"], tactiles["safe"]) == (2, False, True)
+    assert word in unknown["result"]
 
 
 def test_off_of_a_simulated_board_is_safe(answer):

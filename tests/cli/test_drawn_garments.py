@@ -91,6 +91,20 @@ def test_wrong_units_and_axes_are_named_as_well(tmp_path, refused):
     assert "'line' is no mesh; allowed: with a mesh file only" in refused(*evaluate)
 
 
+def test_a_loose_sleeve_is_asked_about_its_axis_and_not_about_units(tmp_path, refused):
+    loose = V + 0.06 * SLEEVE.vertex_normals
+    path = write(tmp_path / "mine.obj", loose @ np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]]), F)
+    assert "it looks y up; this body is z up; allowed: as it was drawn, with --up y" in refused(*words(path))
+    assert "m from body capsule; allowed: at most 0.03 m" in refused(*words(write(path, loose, F)))
+
+
+@pytest.mark.parametrize("off_m", [0.0, 0.025])
+def test_a_mirrored_sleeve_in_inches_is_not_said_to_be_turned(tmp_path, refused, off_m):
+    """It lies on the right arm as on the left arm of one that faces backward."""
+    path = write(tmp_path / "mine.obj", (V + off_m * SLEEVE.vertex_normals) * [-1, 1, 1] / 0.0254, F)
+    assert refused(*words(path)).endswith("inches it lies on the body; allowed: as it was drawn, with --units in\n")
+
+
 def test_a_mesh_far_off_the_body_says_how_to_get_the_body(tmp_path, refused):
     path = write(tmp_path / "mine.obj", V + np.array([0.5, 0.0, 0.0]), F)
     assert "m from body capsule; allowed: at most 0.03 m, drawn around what `haptics garment bodies --export" in refused(
@@ -166,6 +180,7 @@ def test_a_sleeve_drawn_around_the_exported_body_is_designed_and_its_notes_kept(
     code, text, _ = command("garment", "evaluate", tmp_path / "d", "--steps", "1")
     assert code == 0
     assert f"note: {note}" in text
+    assert answer("garment", "export", tmp_path / "d", "--out", tmp_path / "cut")["notes"] == [note]
     assert "it looks y up; this body is z up" in command(*words(path, *out, "--resume", "--units", "mm"))[2]
 
 

@@ -7,6 +7,7 @@ import shlex
 from pathlib import Path
 
 import pytest
+from test_drawn_garments import drawn_around, write
 
 pytest.importorskip("matplotlib", reason="extra `report`")
 
@@ -27,6 +28,8 @@ def test_every_command_runs_in_the_order_of_the_page(command, tmp_path, monkeypa
     for words in known:
         if "report" in words:
             words = [*words, "--coverage", "0.9"]
+        if "mine.obj" in words:  # what the reader has drawn around the exported body
+            write(tmp_path / "mine.obj", *drawn_around(tmp_path / "body.obj"))
         code, out, err = command(*(ENOUGH.get(word, word) for word in words[1:]))
         assert code == 0, f"{shlex.join(words)}\n{err}"
         assert out.strip()
@@ -42,5 +45,7 @@ def test_the_page_uses_no_command_that_this_test_does_not_know():
 
 @pytest.mark.parametrize("option", sorted(set(re.findall(r"`(--[a-z-]+)", PAGE))))
 def test_every_option_that_the_page_names_exists(option, command):
-    helps = "".join(command("garment", name, "--help")[1] for name in ("design", "evaluate", "export", "patch", "report"))
+    helps = "".join(
+        command("garment", name, "--help")[1] for name in ("bodies", "design", "evaluate", "export", "patch", "report")
+    )
     assert option in helps

@@ -17,7 +17,7 @@ VIRTUAL = "sim://tactiles?clock=virtual"
 def test_identify_tells_who_is_there_and_how_its_clock_runs(answer):
     who = answer("link", "identify", "--port", "sim://brake?clock=virtual&ppm=40")
     assert (who["board"], who["build"], who["protocol"], who["channels"]) == ("brake", "py-brk-1", 1, 5)
-    assert who["limits"] == [1500, 500, 10000, 2000]
+    assert who["limits"] == [1500, 500, 10000, 2000, 45000]
     assert re.fullmatch("[0-9a-f]{8}", who["boot_id"])
     assert 0 < who["clock_error_bound_us"] < 1000
     assert who["clock_skew_ppm"] == pytest.approx(40, abs=400)  # within twice its bound over the 0.7 s that it is watched
@@ -67,7 +67,7 @@ def test_a_monitor_counts_telemetry_and_what_the_line_carries_and_arms_nothing(a
     assert seen["telemetry"] in (99, 100, 101)
     assert seen["telemetry_missed"] == 0
     assert seen["telemetry_hz"] == pytest.approx(50, abs=1)
-    assert seen["telemetry_share"] == pytest.approx(seen["telemetry"] * 53 / 100_000, rel=1e-6)  # 53 bytes each, 50 000 a second
+    assert seen["telemetry_share"] == pytest.approx(seen["telemetry"] * 68 / 100_000, rel=1e-6)  # 68 bytes each, 50 000 a second
     assert seen["telemetry_share"] <= seen["uplink_share"] < 0.1
     assert not any(seen["counters"][name] for name in ("retries", "given_up", "bad_frames", "echoes", "stray_replies"))
     assert 0 < seen["clock_error_bound_us"] < 1000

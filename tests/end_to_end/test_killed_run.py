@@ -10,6 +10,7 @@ import subprocess
 import sys
 import time
 import zlib
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
@@ -33,9 +34,14 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Recording:
 
 
 def kill_a_run(out: Path, at_bytes: int) -> bytes:
-    """Start a run, kill it when its journal has so many bytes; returns the bytes that the system had been given before."""
+    """As ``kill`` does, a run that would end in ``out``."""
+    return kill(("run", SCENE, "--out", str(out), "--json"), out, at_bytes)
+
+
+def kill(words: Sequence[str], out: Path, at_bytes: int) -> bytes:
+    """Start a command, kill it when the journal of ``out`` has so many bytes; returns what the system had been given before."""
     journal = out.with_suffix(".journal")
-    command = [sys.executable, "-m", "haptics.cli.main", "run", SCENE, "--out", str(out), "--json"]
+    command = [sys.executable, "-m", "haptics.cli.main", *words]
     with subprocess.Popen(command, stdout=subprocess.DEVNULL, cwd=out.parent) as run:
         deadline = time.monotonic() + 60
         while not journal.exists() or journal.stat().st_size < at_bytes:
@@ -72,8 +78,8 @@ def commits(journal: bytes) -> dict[str, list[int]]:
 def all_acknowledged_comes_back(haptics, folder: Path, whole: Recording, kills: int, seed: int) -> None:
     rng = random.Random(seed)
     total = sum(whole.stream(name).nbytes for name in whole.streams)
-    for kill in range(kills):
-        out = folder / f"{kill}.h5"
+    for turn in range(kills):
+        out = folder / f"{turn}.h5"
         acknowledged = commits(kill_a_run(out, round(rng.uniform(0.02, 0.8) * total)))
         done = haptics("recording", "recover", out.with_suffix(".journal"), "--json")
         assert done.code == 0, done.err
@@ -101,13 +107,54 @@ def test_a_hundred_killed_runs(haptics, tmp_path, whole):
     all_acknowledged_comes_back(haptics, tmp_path, whole, kills=100, seed=2)
 
 
-def test_a_killed_run_can_be_run_again_over_what_it_left(haptics, tmp_path, whole):
+def killed_rigs(haptics, folder: Path, rigs: Sequence[str], kills: int, seed: int) -> None:
+    """Each rig on its bench, whole once and then killed; what was acknowledged comes back and begins the whole one."""
+    rng = random.Random(seed)
+    for rig in rigs:
+        assert haptics("characterize", rig, "--out", folder / rig).code == 0
+        whole = load(folder / rig / f"{rig}.h5")
+        total = sum(whole.stream(name).nbytes for name in whole.streams)
+        for turn in range(kills):
+            out = folder / f"{rig}-{turn}" / f"{rig}.h5"
+            out.parent.mkdir()
+            words = ("characterize", rig, "--out", str(out.parent))
+            acknowledged = commits(kill(words, out, round(rng.uniform(0.02, 0.8) * total)))
+            assert haptics("characterize", rig, "--out", out.parent, "--force").code == 2
+            done = haptics("recording", "recover", out.with_suffix(".journal"), "--json")
+            assert done.code == 0, done.err
+            recovered = load(out)
+            assert not recovered.complete
+            for name in whole.streams:
+                rows = recovered.stream(name).tobytes()
+                assert len(rows) >= sum(acknowledged[name])
+                assert whole.stream(name).tobytes().startswith(rows), name
+
+
+def test_what_a_killed_rig_had_acknowledged_is_recovered(haptics, tmp_path):
+    killed_rigs(haptics, tmp_path, ["pull"], kills=2, seed=3)
+
+
+@pytest.mark.soak
+@pytest.mark.timeout(3600)
+def test_a_hundred_killed_rigs(haptics, tmp_path):
+    killed_rigs(haptics, tmp_path, ["thermal", "pendulum", "frequency", "pull", "response", "supply"], kills=17, seed=4)
+
+
+def test_what_a_killed_run_left_is_never_overwritten_and_is_named_with_what_saves_it(haptics, tmp_path, whole):
     out = tmp_path / "again.h5"
     kill_a_run(out, 50_000)
-    done = haptics("run", SCENE, "--out", out)
-    assert done.code == 2
-    assert "again.journal" in done.err  # the only copy of what happened is not overwritten unasked
-    done = haptics("run", SCENE, "--out", out, "--force", "--json")
+    left = out.with_suffix(".journal").read_bytes()
+    for force in ((), ("--force",)):
+        done = haptics("run", SCENE, "--out", out, *force)
+        assert done.code == 2
+        assert f"haptics recording recover {out.with_suffix('.journal')}" in done.err
+        assert out.with_suffix(".journal").read_bytes() == left
+    done = haptics("run", SCENE, "--out", tmp_path / "other.h5", "--json")
     assert done.code == 0, done.err
+    assert "again.journal was left by a session that did not end" in done.err
+    assert load(tmp_path / "other.h5").stream("wire").tobytes() == whole.stream("wire").tobytes()
+    assert haptics("recording", "info", out.with_suffix(".journal"), "--json").json["kind"] == "journal"
+    assert haptics("recording", "recover", out.with_suffix(".journal")).code == 0
+    out.with_suffix(".journal").unlink(missing_ok=True)  # kept if its last segment was torn
+    assert haptics("run", SCENE, "--out", out, "--force", "--json").code == 0
     assert load(out).stream("wire").tobytes() == whole.stream("wire").tobytes()
-    assert not list(tmp_path.glob("*.journal"))

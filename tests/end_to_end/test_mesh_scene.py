@@ -51,11 +51,14 @@ def hand(tmp_path):
 
 def test_notes_reach_the_report_the_recording_and_slowness_is_said_before(haptics, tmp_path, hand):
     write_ball(tmp_path / "ball.obj")
-    (tmp_path / "mine.toml").write_text(SCENE + 'shape = { kind = "mesh", file = "ball.obj" }\n')
+    (tmp_path / "mine.toml").write_text(SCENE + 'shape = { kind = "mesh", file = "ball.obj", units = "m" }\n')
     done = haptics("run", tmp_path / "mine.toml", "--hand", hand, "--out", tmp_path / "out.h5", "--json")
     assert done.code == 0, done.err
     report = json.loads(done.out)
-    assert report["notes"] == ["thing: ball.obj: 1 vertex of no triangle left out"]
+    assert report["notes"] == [
+        "thing: ball.obj: taken to be y up, as its shape does not say: 0.08 m wide, 0.08 high, 0.08 deep",
+        "thing: ball.obj: 1 vertex of no triangle left out",
+    ]
     with h5py.File(tmp_path / "out.h5") as file:
         kept = json.loads(file["entry/attachments/report.json"].asstr()[()])
     assert kept["notes"] == report["notes"]

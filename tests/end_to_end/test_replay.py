@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import json
 import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
 
+from haptics.recording.seal import seal
 from haptics.session.configuration import Configuration
 from haptics.session.run import RunOptions, run_scene
 
@@ -28,6 +31,14 @@ def copy(recorded: Path, tmp_path: Path) -> Path:
     return Path(shutil.copy(recorded, tmp_path / "copy.h5"))
 
 
+@contextmanager
+def changed(path: Path) -> Iterator[h5py.File]:
+    """Change a recording, and seal it again: what was made so, not what was damaged."""
+    with h5py.File(path, "r+") as file:
+        yield file
+    seal(path)
+
+
 def test_a_replay_sends_and_receives_the_same_bytes_at_the_same_times(haptics, recorded):
     before = recorded.read_bytes()
     done = haptics("replay", recorded, "--json")
@@ -42,7 +53,7 @@ def test_a_replay_sends_and_receives_the_same_bytes_at_the_same_times(haptics, r
 
 
 def test_one_flipped_bit_on_the_wire_is_found_and_placed(haptics, copy):
-    with h5py.File(copy, "r+") as file:
+    with changed(copy) as file:
         wire = file["entry/wire"]
         row = len(wire["time_ns"]) // 2
         data = wire["data"][row].tobytes()
@@ -54,8 +65,22 @@ def test_one_flipped_bit_on_the_wire_is_found_and_placed(haptics, copy):
     assert done.json["first_difference_ns"] == time_ns
 
 
+def test_a_bit_that_flips_by_itself_is_damage_and_is_not_replayed(haptics, copy):
+    with h5py.File(copy) as file:
+        place = file["entry/wire/data"].id.get_chunk_info(0).byte_offset
+    data = bytearray(copy.read_bytes())
+    data[place] ^= 4
+    copy.write_bytes(data)
+    for command in (("replay", copy), ("run", "desk", "--hand", copy, "--out", copy.with_name("out.h5"))):
+        done = haptics(*command)
+        assert done.code == 2
+        assert "copy.h5 is damaged, or was changed since it was written: entry/wire/data" in done.err
+    done = haptics("recording", "info", copy, "--json")
+    assert (done.code, done.json["damaged"]) == (1, ["entry/wire/data"])
+
+
 def test_one_moved_pose_is_found_from_when_it_mattered(haptics, copy):
-    with h5py.File(copy, "r+") as file:
+    with changed(copy) as file:
         events, poses = file["entry/events"], file["entry/poses"]
         touch_ns = events["time_ns"][()][events["kind"][()] == b"touch"][0]
         row = int(np.searchsorted(poses["time_ns"][()], touch_ns)) - 1  # the last pose before the first touch
@@ -78,7 +103,7 @@ def test_one_moved_pose_is_found_from_when_it_mattered(haptics, copy):
     ],
 )
 def test_a_pose_that_no_hand_can_make_is_refused_by_its_number(haptics, copy, place, value, word):
-    with h5py.File(copy, "r+") as file:
+    with changed(copy) as file:
         file["entry"][place][100] = value
     done = haptics("replay", copy)
     assert done.code == 2
@@ -87,7 +112,7 @@ def test_a_pose_that_no_hand_can_make_is_refused_by_its_number(haptics, copy, pl
 
 
 def test_a_run_in_real_time_cannot_be_had_again_and_says_so(haptics, copy):
-    with h5py.File(copy, "r+") as file:
+    with changed(copy) as file:
         provenance = file["entry/provenance"]
         header = json.loads(provenance["header"][()])
         del provenance["header"]
@@ -107,7 +132,7 @@ def test_what_a_recording_holds_is_told(haptics, recorded):
 
 
 def test_what_is_no_recording_of_a_run_is_refused(haptics, copy):
-    with h5py.File(copy, "r+") as file:
+    with changed(copy) as file:
         del file["entry/wire"]
     done = haptics("replay", copy)
     assert done.code == 2

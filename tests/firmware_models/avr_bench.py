@@ -72,7 +72,7 @@ class AvrBench:
             image = eeprom(settings, boots)
             self.chip.eeprom[: len(image)] = image
         else:
-            self.chip.eeprom[12:16] = boots.to_bytes(4, "little")
+            self.chip.eeprom[14:18] = boots.to_bytes(4, "little")
         if on:
             self.reset(Cause.POWER_ON)
 

@@ -19,12 +19,22 @@ MS = 2000
 BYTE_TICKS = 40  # ten bits at 500 kbaud
 FEED = 1 << 15
 BOOT_ID = 0xC0FFEE01
-BUILT = {Board.TACTILES: (200, 12_000, 64, 3000), Board.BRAKE: (1500, 500, 10_000, 2000)}
+BUILT = {Board.TACTILES: (200, 12_000, 64, 3000, 2500), Board.BRAKE: (1500, 500, 10_000, 2000, 45_000)}
 SUPPLY, CURRENT = 0, 1  # senses of the coil board
 
 
 class Settings(ctypes.Structure):
-    _fields_ = (("limits", ctypes.c_uint16 * 4), ("nominal_pf", ctypes.c_uint16))
+    _fields_ = (("limits", ctypes.c_uint16 * 5), ("nominal_pf", ctypes.c_uint16))
+
+
+class CoilHeat(ctypes.Structure):
+    _fields_ = (("on_time", ctypes.c_uint32), ("check", ctypes.c_uint16))
+
+
+class Memory(ctypes.Structure):
+    """What outlives a boot."""
+
+    _fields_ = (("heat", CoilHeat * 15), ("notes", ctypes.c_uint8))
 
 
 _TRANSMIT = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.POINTER(ctypes.c_uint8), ctypes.c_uint32)
@@ -64,7 +74,10 @@ def build_library(folder: Path) -> ctypes.CDLL:
 def load_library(path: Path) -> ctypes.CDLL:
     library = ctypes.CDLL(str(path))
     u32, pointer = ctypes.c_uint32, ctypes.c_void_p
-    library.host_new.argtypes = (u32, ctypes.POINTER(Settings), u32, u32, u32, ctypes.POINTER(Calls), pointer)
+    library.host_new.argtypes = (
+        *(u32, ctypes.POINTER(Settings), u32, u32, u32),
+        *(ctypes.POINTER(Memory), ctypes.POINTER(Calls), pointer),
+    )
     library.host_new.restype = pointer
     library.host_free.argtypes = (pointer,)
     library.host_free.restype = None
@@ -119,7 +132,9 @@ class Bench:
         brown_out: bool = False,
         byte_ticks: int = BYTE_TICKS,
         nominal_pf: int = 2547,
+        memory: Memory | None = None,
     ):
+        self.memory = memory or Memory()
         self.board = board
         self.now = start
         self.word = 0
@@ -138,10 +153,9 @@ class Bench:
             _CONVERT(lambda _, channel: self.senses(channel)),
             _BUSY(lambda _: self.lid_closed),
         )
-        settings = Settings((ctypes.c_uint16 * 4)(*(limits or BUILT[board])), nominal_pf)
-        self._host = library.host_new(
-            board, ctypes.byref(settings), BOOT_ID, brown_out, start % WRAP, ctypes.byref(self._calls), None
-        )
+        settings = Settings((ctypes.c_uint16 * 5)(*(limits or BUILT[board])), nominal_pf)
+        kept, calls = ctypes.byref(self.memory), ctypes.byref(self._calls)
+        self._host = library.host_new(board, ctypes.byref(settings), BOOT_ID, brown_out, start % WRAP, kept, calls, None)
 
     def close(self) -> None:
         self._library.host_free(self._host)

@@ -11,6 +11,8 @@
 #define MOST_EDGES 100000
 
 static struct tactiles coils;
+static struct coil_heat heat[COIL_CHANNELS];
+static uint8_t notes;
 static uint32_t now, random_state, most_step;
 static bool masked, prepared;
 static uint32_t prepared_word, prepared_due;
@@ -101,6 +103,24 @@ bool port_interlock_closed(struct board *b)
     return true;
 }
 
+struct coil_heat *port_heat(struct board *b)
+{
+    (void)b;
+    return heat;
+}
+
+uint8_t port_notes(struct board *b)
+{
+    (void)b;
+    return notes;
+}
+
+void port_note(struct board *b, uint8_t note, bool holds)
+{
+    (void)b;
+    notes = (uint8_t)(holds ? notes | note : notes & ~note);
+}
+
 void port_show(struct board *b, uint8_t state, uint16_t faults)
 {
     (void)b;
@@ -110,12 +130,14 @@ void port_show(struct board *b, uint8_t state, uint16_t faults)
 
 void racing_start(uint32_t seed, uint32_t step)
 {
-    static const struct settings settings = {{200, 12000, 64, 3000}, 0};
+    static const struct settings settings = {{200, 12000, 64, 3000, 2500}, 0};
     now = 0xffff0000u;
     random_state = seed;
     most_step = step;
     masked = prepared = false;
     edge_count = 0;
+    memset(heat, 0, sizeof heat);
+    notes = 0;
     tactiles_init(&coils);
     board_start(&coils.board, &settings, 1, false);
 }

@@ -136,11 +136,12 @@ void port_show(struct board *b, uint8_t state, uint16_t faults)
 }
 
 void *host_new(uint32_t board, const struct settings *settings, uint32_t boot_id, uint32_t brown_out, uint32_t now,
-               const struct host_calls *calls, void *user)
+               struct host_memory *memory, const struct host_calls *calls, void *user)
 {
     struct host *h = board == BOARD_BRAKE ? calloc(1, sizeof *h) : NULL;
     if (!h)
         return NULL;
+    (void)memory;
     h->calls = *calls;
     h->user = user;
     h->now = now;

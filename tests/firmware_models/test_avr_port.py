@@ -88,13 +88,14 @@ def test_the_image_says_which_it_is() -> None:
 
 
 def test_settings_in_the_eeprom_hold_where_they_are_stricter_and_whole() -> None:
-    stricter = CoreSettings((150, 8000, 32, 3500), 0)
+    stricter = CoreSettings((150, 8000, 32, 3500, 2000), 0)
     assert AvrBench(settings=stricter).ask("identify").limits == stricter.limits
-    assert AvrBench(settings=CoreSettings((250, 20_000, 200, 1000), 0)).ask("identify").limits == (200, 12_000, 64, 3000)
+    looser = CoreSettings((250, 20_000, 200, 1000, 9000), 0)
+    assert AvrBench(settings=looser).ask("identify").limits == (200, 12_000, 64, 3000, 2500)
     bench = AvrBench(settings=stricter, on=False)
     bench.chip.eeprom[0] ^= 1
     bench.reset(Cause.POWER_ON)
-    assert bench.ask("identify").limits == (200, 12_000, 64, 3000)
+    assert bench.ask("identify").limits == (200, 12_000, 64, 3000, 2500)
 
 
 def test_a_brown_out_switches_off_at_once_and_is_latched() -> None:
@@ -149,6 +150,65 @@ def test_a_hung_main_loop_ends_what_it_began_and_is_reset_by_the_watchdog() -> N
     bench.run(300 * MS)
     assert bench.ask("identify").boot_id != identity.boot_id
     assert (bench.chip.state, bench.chip.faults) == (State.DISARMED, 0)
+
+
+USED_AT, WARM_AT = 18, 19  # in the EEPROM
+NOT_NOTED = 0xFF
+
+
+def heat(bench: AvrBench) -> tuple[int, ...]:
+    """As the next telemetry has it."""
+    bench.ask("identify")
+    bench.keep_alive(45)
+    return [h for h in bench.heard if h.name == "tactiles_telemetry"][-1].message.heat
+
+
+def play(bench: AvrBench, count: int) -> None:
+    """Pulses of 10 ms on coil 0, one behind the other."""
+    start = bench.tick() + 20 * MS_TICKS
+    for index in range(count):
+        assert bench.ask("pulse", (start + index * 21 * MS_TICKS) % WRAP, 0b1, 0, ON).status == Status.OK
+        bench.keep_alive(20)
+    bench.keep_alive(60)
+
+
+def test_what_a_coil_was_on_outlives_a_reset_and_the_watchdog() -> None:
+    bench = AvrBench().armed()
+    play(bench, 7)
+    before = heat(bench)
+    assert before[:2] == (4, 0)
+    bench.reset(Cause.EXTERNAL)
+    assert heat(bench) == before
+    where = hang(bench)
+    bench.run(300 * MS)
+    bench.chip.flash[where : where + 2] = (0x9588).to_bytes(2, "little")
+    bench.run(300 * MS)
+    assert bench.resets
+    assert heat(bench) == before
+
+
+@pytest.mark.parametrize("cause", [Cause.POWER_ON, Cause.BROWN_OUT])
+def test_after_a_loss_of_power_the_eeprom_says_how_warm_coils_may_be(cause) -> None:
+    bench = AvrBench()
+    bench.reset(cause)
+    assert heat(bench) == (0,) * 15
+    assert list(bench.chip.eeprom[USED_AT : WARM_AT + 1]) == [NOT_NOTED, NOT_NOTED]
+    bench.ask("disarm")
+    bench.armed()
+    play(bench, 2)
+    assert bench.chip.eeprom[USED_AT] != NOT_NOTED
+    assert bench.chip.eeprom[WARM_AT] == NOT_NOTED
+    bench.reset(cause)
+    assert heat(bench) == (5,) * 15
+    bench.ask("disarm")
+    bench.armed()
+    play(bench, 1)
+    assert bench.chip.eeprom[WARM_AT] != NOT_NOTED
+    bench.reset(cause)
+    assert heat(bench) == (125,) * 15
+    assert bench.ask("disarm").detail == 0
+    bench.armed()
+    assert bench.ask("pulse", (bench.tick() + 20 * MS_TICKS) % WRAP, 0b10, 0, ON).status == Status.HOT
 
 
 def test_a_busy_main_loop_feeds_the_watchdog() -> None:

@@ -80,7 +80,7 @@ def test_charge_is_bounded_whatever_the_capacitance(library) -> None:
 
 def test_limits_that_a_host_made_stricter_count(bench) -> None:
     h = bench()
-    assert h.answer("configure", (900, 250, 1000, 100)) == OK
+    assert h.answer("configure", (900, 250, 1000, 100, 45_000)) == OK
     h.armed()
     assert h.answer("drive", in_ticks(h.now, 5), 1, 901, 200, 100) == (Status.BAD_VALUE, 2)
     assert h.answer("drive", in_ticks(h.now, 5), 1, 100, 1001, 100) == (Status.BAD_VALUE, 3)

@@ -356,7 +356,7 @@ def test_only_a_frame_that_is_whole_and_known_and_of_right_length_feeds_the_dead
         h.feed(data)
         h.run(50_000)
         assert h.faults == 1 << Fault.DEAD_MAN
-    for name, values in (("sync", (1,)), ("identify", ()), ("keepalive", ()), ("cancel", (1,)), ("configure", ((0, 0, 0, 0),))):
+    for name, values in (("sync", (1,)), ("identify", ()), ("keepalive", ()), ("cancel", (1,)), ("configure", ((0,) * 5,))):
         h = bench()
         h.arm()
         h.run(150_000)
@@ -438,12 +438,12 @@ def test_telemetry_waits_for_identify_and_comes_each_20_ms(bench, board) -> None
 
 @pytest.mark.parametrize("baud", [9600, 38_400, 57_600, 115_200, 500_000])
 def test_telemetry_keeps_to_its_share_of_any_line(bench, baud) -> None:
-    """Two frames are never closer than 5/2 of the time that one of 53 bytes takes."""
+    """Two frames are never closer than 5/2 of the time that one of 68 bytes takes."""
     h = bench(byte_ticks=10 * TICK_HZ // baud)
     h.ask("identify", seq=0)
     h.run(5000 * MS)
     ticks = [s.tick for s in h.all("tactiles_telemetry")]
-    least = max(20 * MS, 53 * h.byte_ticks * 5 // 2)
+    least = max(20 * MS, 68 * h.byte_ticks * 5 // 2)
     assert {b - a for a, b in pairwise(ticks)} == {least}
 
 
@@ -500,4 +500,4 @@ def test_many_boards_live_in_one_process(bench) -> None:
 
 
 def test_there_is_no_third_board(library) -> None:
-    assert library.host_new(3, None, 0, 0, 0, None, None) is None
+    assert library.host_new(3, None, 0, 0, 0, None, None, None) is None

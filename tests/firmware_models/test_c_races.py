@@ -24,7 +24,7 @@ def racing(tmp_path_factory) -> ctypes.CDLL:
         pytest.skip("no C core: cc is not installed")
     made = tmp_path_factory.mktemp("racing") / "racing.so"
     core = FIRMWARE / "core"
-    sources = [str(core / name) for name in ("board.c", "framing.c", "tactiles.c")]
+    sources = [str(core / name) for name in ("board.c", "framing.c", "tactiles.c", "coil_heat.c")]
     command = [cc, "-std=c99", "-O1", "-Wall", "-Wextra", "-Werror", "-shared", "-fPIC", f"-I{core}", str(PORT), *sources]
     subprocess.run([*command, "-o", str(made)], check=True)
     library = ctypes.CDLL(str(made))

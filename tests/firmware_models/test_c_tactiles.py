@@ -118,7 +118,7 @@ class Schedule:
 def test_replies_and_edges_are_those_of_a_brute_force_schedule(bench, seed, most_on, longest, ahead_ms) -> None:
     """Random and crowded, across the wrap of the clock: each reply, and every change of the outputs to the tick."""
     rng = random.Random(seed)
-    limits = (longest, most_on * 3907 + 40, 64, 3000)
+    limits = (longest, most_on * 3907 + 40, 64, 3000, 2500)
     h = bench(start=WRAP - 300 * MS, limits=limits)
     schedule = Schedule(longest, most_on, 64)
     h.arm()
@@ -145,6 +145,7 @@ def test_replies_and_edges_are_those_of_a_brute_force_schedule(bench, seed, most
         Status.UNKNOWN,
         Status.BAD_LENGTH,
         Status.INTERLOCK,
+        Status.HOT,
         *([Status.OK] if not most_on else []),
     }
     h.ask("identify", seq=0)
@@ -253,7 +254,7 @@ def test_the_queue_takes_as_many_as_its_limit_besides_those_that_are_on(bench) -
     h.ask("identify", seq=0)
     h.run(21 * MS)
     assert h.all("tactiles_telemetry")[0].message.queued == 58  # 64 less those of two times
-    small = bench(limits=(200, 12_000, 4, 3000))
+    small = bench(limits=(200, 12_000, 4, 3000, 2500))
     small.arm()
     assert small.answer("pulse", small.now + MS, 0b111, 0, TEN_MS) == (Status.OK, 0)
     assert small.answer("pulse", small.now + 20 * MS, 0b11, 0, TEN_MS) == (Status.FULL, 0)
@@ -319,7 +320,7 @@ def test_arming_needs_the_coil_supply(bench) -> None:
 
 
 def test_a_supply_below_its_least_latches_within_a_look(bench) -> None:
-    h = bench(limits=(200, 12_000, 64, 4500))
+    h = bench(limits=(200, 12_000, 64, 4500, 2500))
     supply = 450
     h.senses = lambda channel: supply if channel == SUPPLY else 0
     h.arm()
@@ -363,7 +364,7 @@ def test_a_short_excess_of_current_is_let_pass(bench) -> None:
 
 
 def test_current_above_the_limit_latches_whatever_is_on(bench) -> None:
-    h = bench(limits=(200, 4000, 64, 3000))
+    h = bench(limits=(200, 4000, 64, 3000, 2500))
     h.senses = lambda channel: 500 if channel == SUPPLY else 63 * coils_on(h.word)  # 4032 mA
     h.arm()
     assert h.answer("pulse", h.now + MS, 1, 1, TEN_MS) == (Status.OK, 0)
@@ -373,7 +374,7 @@ def test_current_above_the_limit_latches_whatever_is_on(bench) -> None:
 
 @pytest.mark.parametrize("longest", [200, 60])
 def test_a_driver_that_sticks_is_told_from_a_coil_that_is_on(bench, longest) -> None:
-    h = bench(limits=(longest, 12_000, 64, 3000))
+    h = bench(limits=(longest, 12_000, 64, 3000, 2500))
     stuck = False
     h.senses = lambda channel: 500 if channel == SUPPLY else COIL_MA // 64 * (coils_on(h.word) or stuck)
     h.arm()

@@ -21,6 +21,7 @@ BROKEN = {
     "forgets the dead-man": ("tactiles", "board.c", "silence >= DEAD_MAN_TICKS", "silence >= 3 * DEAD_MAN_TICKS"),
     "believes any checksum": ("tactiles", "framing.c", "d->crc == CRC_OF_WHOLE", "1"),
     "puts any number of coils on": ("tactiles", "tactiles.c", "active + r->count > t->allowed_on", "false"),
+    "keeps no account of on-time": ("tactiles", "coil_heat.c", "> heat_of_ms(limit_ms);", "> heat_of_ms(limit_ms + 10u);"),
 }
 
 

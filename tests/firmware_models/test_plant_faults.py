@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import ctypes.util
-import shutil
-
 import numpy as np
 import pytest
+from sim_host import NEEDS_AVR, NEEDS_CC
 
 from firmware_models.avr_board import START_TICK
 from haptics.link.messages import Fault, State, Status
@@ -16,13 +14,6 @@ MS = 1_000_000
 ALL = 0x7FFF
 TEN_MS = [200] * 15
 WHOLE_BOARD = 255
-NEEDS_CC = pytest.mark.skipif(
-    shutil.which("cc") is None or shutil.which("make") is None, reason="no cc or make here: the C core cannot be built"
-)
-NEEDS_AVR = pytest.mark.skipif(
-    shutil.which("avr-gcc") is None or ctypes.util.find_library("simavr") is None,
-    reason="no avr-gcc or libsimavr here: the image cannot be built and run",
-)
 
 
 @pytest.fixture(params=["py", pytest.param("c", marks=NEEDS_CC), pytest.param("avr", marks=[NEEDS_CC, NEEDS_AVR])])

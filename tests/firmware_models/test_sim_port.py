@@ -30,7 +30,7 @@ def test_pyserial_finds_the_board_unpatched_and_without_importing_it_first() -> 
         port.close()
     """
     done = subprocess.run([sys.executable, "-c", textwrap.dedent(script)], capture_output=True, text=True, timeout=60)
-    assert done.stdout.split() == ["39"], done.stderr
+    assert done.stdout.split() == ["41"], done.stderr
 
 
 def test_it_is_a_simulated_port(host) -> None:
@@ -113,7 +113,7 @@ def test_a_blocking_read_lets_virtual_time_pass_and_no_more_than_its_timeout(hos
     assert h.port.read(10) == b""
     assert h.now_ns == 250 * MS
     h.port.write(encode_frame(BY_NAME["identify"].type, 1))
-    assert len(h.port.read(39)) == 39
+    assert len(h.port.read(41)) == 41
     assert h.now_ns < 252 * MS
     first = h.now_ns
     assert len(h.port.read(1)) == 1  # telemetry begins 20 ms later; its first byte is there after ten bits
@@ -174,8 +174,8 @@ def test_on_the_real_clock_the_board_catches_up_when_looked_at(host) -> None:
     h = host(clock="real")
     h.port.timeout = 5
     h.port.write(encode_frame(BY_NAME["identify"].type, 1))
-    assert len(h.port.read_until(b"\x00")) == 39
-    assert len(h.port.read_until(b"\x00")) == 53  # telemetry
+    assert len(h.port.read_until(b"\x00")) == 41
+    assert len(h.port.read_until(b"\x00")) == 68  # telemetry
 
 
 def test_a_closed_port_says_so(host) -> None:

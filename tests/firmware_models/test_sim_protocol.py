@@ -41,7 +41,7 @@ def test_identify_goes_out_and_comes_back_as_written_in_the_protocol(host, board
     assert (identity.protocol, identity.board, identity.tick_hz) == (1, Board[board.upper()], TICK_HZ)
     assert (identity.channels, identity.dead_man) == ({"tactiles": 15, "brake": 5}[board], 100)
     assert identity.schema_hash == schema_hash()
-    assert len(h.raw) == 4 + 33 + 2  # type, seq, checksum; payload; stuffing and delimiter
+    assert len(h.raw) == 4 + 35 + 2  # type, seq, checksum; payload; stuffing and delimiter
     h.run(100)
     assert h.all(f"{board}_telemetry")[-1].message.bad_frames == 1
 
@@ -236,7 +236,7 @@ def test_telemetry_keeps_to_its_share_of_a_slow_line(host, baud) -> None:
     h.run(200)
     before = len(h.all("tactiles_telemetry"))
     h.run(5000)
-    bits = 10 * 53 * (len(h.all("tactiles_telemetry")) - before)  # a tactiles telemetry frame has 53 bytes
+    bits = 10 * 68 * (len(h.all("tactiles_telemetry")) - before)  # a tactiles telemetry frame has 68 bytes
     assert bits <= 0.4 * baud * 5 + 530
     assert bits > 0
 

@@ -142,7 +142,7 @@ def test_full_disk_leaves_the_last_file(tmp_path: Path, monkeypatch: pytest.Monk
             kept.append(path.read_bytes())
             monkeypatch.setattr("os.fsync", _no_space)
 
-    with pytest.raises(HapticsError, match=r"designs\.h5: cannot write the designs: .*No space"):
+    with pytest.raises(HapticsError, match=r"designs\.h5 cannot be written: .*No space"):
         optimise(_panel(), COVERAGE, store=DesignStore(path, SETTINGS), progress=fill)
     assert path.read_bytes() == kept[0]
     assert [entry.name for entry in tmp_path.iterdir()] == ["designs.h5"]

@@ -15,8 +15,8 @@ PROTOCOL_PAGE = Path(__file__).resolve().parents[2] / "docs" / "reference" / "pr
 SCHEMA_HASH = int(re.search(r"It is 0x([0-9A-F]{8})\.", PROTOCOL_PAGE.read_text()).group(1), 16)  # type: ignore[union-attr]
 
 IDENTIFY, SYNC, CONFIGURE, ARM, DISARM, STOP, KEEPALIVE, PULSE, CANCEL = 1, 2, 3, 4, 5, 6, 7, 0x10, 0x11
-LENGTHS = {IDENTIFY: 0, SYNC: 4, CONFIGURE: 8, ARM: 4, DISARM: 0, STOP: 0, KEEPALIVE: 0, PULSE: 23, CANCEL: 2}
-OK, LATE, FAR, FULL, BAD_LENGTH, UNKNOWN, INTERLOCK, BAD_VALUE = range(8)
+LENGTHS = {IDENTIFY: 0, SYNC: 4, CONFIGURE: 10, ARM: 4, DISARM: 0, STOP: 0, KEEPALIVE: 0, PULSE: 23, CANCEL: 2}
+OK, LATE, FAR, FULL, BAD_LENGTH, UNKNOWN, INTERLOCK, BAD_VALUE, HOT = range(9)
 MS = 1_000_000
 
 
@@ -70,6 +70,7 @@ class BoardDouble:
     def __init__(self, boot_id: int = 0xB0070001, ticks_0: int = 12345, skew: float = 0.0, born_ns: int = 0):
         self.boot_id, self.ticks_0, self.skew, self.born_ns = boot_id, ticks_0, skew, born_ns
         self.schema_hash, self.kind, self.protocol = SCHEMA_HASH, 1, 1
+        self.limits: tuple[int, ...] = (200, 2000, 32, 4500, 2500)
         self.armed = False
         self.silent = False
         self.turn_around_ns = 50_000
@@ -108,12 +109,9 @@ class BoardDouble:
                 self.boot_id,
                 b"double",
                 100,
-                200,
-                2000,
-                32,
-                4500,
+                *self.limits,
             )
-            return frame(0x81, seq, struct.pack("<BBBIII8sH4H", *fields))
+            return frame(0x81, seq, struct.pack("<BBBIII8sH5H", *fields))
         if type_ == SYNC:
             return frame(0x82, seq, payload + struct.pack("<II", self.ticks(now_ns), going))
         if type_ == KEEPALIVE:
@@ -141,8 +139,10 @@ class BoardDouble:
             self.armed = True
         elif type_ in (DISARM, STOP):
             self.armed = False
-        elif type_ == CONFIGURE and struct.unpack("<4H", payload)[0] > 200:
-            return BAD_VALUE, 0
+        elif type_ == CONFIGURE:
+            if struct.unpack("<5H", payload)[0] > 200:
+                return BAD_VALUE, 0
+            self.limits = struct.unpack("<5H", payload)
         elif type_ == PULSE:
             if not self.armed:
                 return INTERLOCK, 0
@@ -155,7 +155,7 @@ class BoardDouble:
 
     def telemetry(self, now_ns: int, state: int | None = None, faults: int = 0) -> bytes:
         state = state if state is not None else 2 if self.armed else 0
-        return frame(0xA0, 0, struct.pack("<IBH20H", self.ticks(now_ns), state, faults, *[0] * 20))
+        return frame(0xA0, 0, struct.pack("<IBH15H15B5H", self.ticks(now_ns), state, faults, *[0] * 35))
 
     def fault(self, now_ns: int, code: int, channel: int = 255) -> bytes:
         return frame(0xA2, 0, struct.pack("<IBBH", self.ticks(now_ns), code, channel, 0))

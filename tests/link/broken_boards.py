@@ -10,9 +10,11 @@ import pytest
 from firmware_models import board as board_module
 from firmware_models.board import FirmwareModel, Refusal
 from firmware_models.brake_board import BrakeBoard
+from firmware_models.coil_heat import CoilHeat
 from firmware_models.tactiles_board import Pulse, TactilesBoard
 from haptics.link.framing import encode_frame
 from haptics.link.messages import BY_NAME, Board, State, Status, encode
+from haptics.physics.thermal import THERMAL
 
 MS = 1_000_000
 
@@ -332,6 +334,149 @@ def no_charge_limit(patch: pytest.MonkeyPatch) -> None:
     patch.setattr(BrakeBoard, "_check_drive", fast)
 
 
+def no_account(patch: pytest.MonkeyPatch) -> None:
+    patch.setattr(CoilHeat, "hot", lambda self, wanted_s, waiting_s, limit_s, now_ns: 0)
+
+
+def account_of_what_began(patch: pytest.MonkeyPatch) -> None:
+    hot = CoilHeat.hot
+    patch.setattr(
+        CoilHeat, "hot", lambda self, wanted_s, waiting_s, limit_s, now_ns: hot(self, wanted_s, [0.0] * 15, limit_s, now_ns)
+    )
+
+
+def account_of_whole_milliseconds(patch: pytest.MonkeyPatch) -> None:
+    begin = CoilHeat.begin
+    patch.setattr(CoilHeat, "begin", lambda self, channel, on_s, now_ns: begin(self, channel, int(1e3 * on_s) / 1e3, now_ns))
+
+
+def heat_is_checked_first(patch: pytest.MonkeyPatch) -> None:
+    check = TactilesBoard._check_room
+
+    def late(self: Any, wanted: list[Pulse]) -> None:
+        self._check_heat(wanted)
+        check(self, wanted)
+
+    patch.setattr(TactilesBoard, "_check_room", late)
+
+
+def account_of_one_coil_a_command(patch: pytest.MonkeyPatch) -> None:
+    hot = CoilHeat.hot
+
+    def lowest(self: Any, *arguments: Any) -> int:
+        coils = hot(self, *arguments)
+        return coils & -coils
+
+    patch.setattr(CoilHeat, "hot", lowest)
+
+
+def built_in_account_only(patch: pytest.MonkeyPatch) -> None:
+    patch.setattr(TactilesBoard, "_most_on_s", lambda self: 2.5)
+
+
+def cools_twice_as_fast(patch: pytest.MonkeyPatch) -> None:
+    patch.setattr("firmware_models.coil_heat.THERMAL", THERMAL.with_values(tau_s=51.0))
+
+
+def never_cools(patch: pytest.MonkeyPatch) -> None:
+    patch.setattr("firmware_models.coil_heat.THERMAL", THERMAL.with_values(tau_s=1e6))
+
+
+def cancel_keeps_the_charge(patch: pytest.MonkeyPatch) -> None:
+    cancel = TactilesBoard._cancel
+
+    def charged(self: Any, message: Any) -> int:
+        gone = [pulse for pulse in self._queue if message.channels >> pulse.channel & 1]
+        for pulse in gone:
+            self.heat.begin(pulse.channel, (pulse.end - pulse.start) / 2e6, self.now_ns)
+        return cancel(self, message)
+
+    patch.setattr(TactilesBoard, "_cancel", charged)
+
+
+def cancel_refunds_more_than_is_left(patch: pytest.MonkeyPatch) -> None:
+    """Charged when taken, decayed while waiting, refunded whole."""
+    cancel = TactilesBoard._cancel
+
+    def generous(self: Any, message: Any) -> int:
+        gone = [pulse for pulse in self._queue if message.channels >> pulse.channel & 1]
+        for pulse in gone:
+            self.heat.begin(pulse.channel, -(pulse.end - pulse.start) / 2e6 / 102, self.now_ns)
+        return cancel(self, message)
+
+    patch.setattr(TactilesBoard, "_cancel", generous)
+
+
+def cold_after(name: str) -> Callable[[pytest.MonkeyPatch], None]:
+    """A method of the board behind which its coils count as cold."""
+
+    def broken(patch: pytest.MonkeyPatch) -> None:
+        method = getattr(TactilesBoard, name)
+
+        def forgetful(self: Any, *arguments: Any) -> Any:
+            self.heat = CoilHeat(self.now_ns)
+            return method(self, *arguments)
+
+        patch.setattr(TactilesBoard, name, forgetful)
+
+    return broken
+
+
+def forgets_by_loss_of_power(patch: pytest.MonkeyPatch) -> None:
+    def cold(self: Any, limit_s: float, now_ns: int) -> None:
+        self._accounts_s = [0.0] * 15
+
+    patch.setattr(CoilHeat, "lose_power", cold)
+
+
+def forgets_little_by_loss_of_power(patch: pytest.MonkeyPatch) -> None:
+    patch.setattr("firmware_models.coil_heat.WARM_S", 0.0)
+    lose = CoilHeat.lose_power
+
+    def little(self: Any, limit_s: float, now_ns: int) -> None:
+        warm = sum(self._accounts_s) > 0.1
+        lose(self, limit_s, now_ns)
+        if not warm:
+            self._accounts_s = [0.0] * 15
+
+    patch.setattr(CoilHeat, "lose_power", little)
+
+
+def trusts_memory_after_loss_of_power(patch: pytest.MonkeyPatch) -> None:
+    patch.setattr(CoilHeat, "lose_power", lambda self, limit_s, now_ns: None)
+
+
+def heat_rounded_down(patch: pytest.MonkeyPatch) -> None:
+    def units(self: Any, waiting_s: Any, now_ns: int) -> list[int]:
+        self._cool(now_ns)
+        return [int(50 * one) for one in self._accounts_s]
+
+    patch.setattr(CoilHeat, "units", units)
+
+
+def any_stored_charge(patch: pytest.MonkeyPatch) -> None:
+    check = BrakeBoard._check_drive
+
+    def boundless(self: Any, message: Any) -> None:
+        limits = list(self.limits)
+        self.limits[4] = 1 << 32
+        try:
+            check(self, message)
+        finally:
+            self.limits = limits
+
+    patch.setattr(BrakeBoard, "_check_drive", boundless)
+
+
+def built_in_charge_only(patch: pytest.MonkeyPatch) -> None:
+    configure = FirmwareModel._configure
+
+    def partly(self: Any, message: Any) -> int:
+        return configure(self, message._replace(limits=(*message.limits[:4], self.limits[4])))
+
+    patch.setattr(FirmwareModel, "_configure", partly)
+
+
 COIL, BRAKE = Board.TACTILES, Board.BRAKE
 BREAKAGES: list[tuple[Callable[[pytest.MonkeyPatch], None], Board, set[str]]] = [
     (plays_late, COIL, {"pulse.late", "pulse.wrap", "telemetry.late"}),
@@ -376,4 +521,27 @@ BREAKAGES: list[tuple[Callable[[pytest.MonkeyPatch], None], Board, set[str]]] = 
     (arms_with_an_open_lid, BRAKE, {"lid"}),
     (arms_at_any_volts, BRAKE, {"arm.touchable"}),
     (no_charge_limit, BRAKE, {"drive.values"}),
+    (any_stored_charge, BRAKE, {"drive.charge"}),
+    (built_in_charge_only, BRAKE, {"drive.charge", "configure.stricter"}),
+    (built_in_charge_only, COIL, {"configure.stricter", "heat.limit", "heat.configured"}),
+    (no_account, COIL, {"heat.limit", "heat.small", "heat.decay", "heat.refund", "heat.configured", "heat.power"}),
+    (account_of_what_began, COIL, {"heat.refund", "heat.limit"}),
+    (account_of_whole_milliseconds, COIL, {"heat.small", "heat.telemetry"}),
+    (account_of_one_coil_a_command, COIL, {"heat.small"}),
+    (heat_is_checked_first, COIL, {"heat.limit"}),
+    (built_in_account_only, COIL, {"heat.limit", "heat.configured"}),
+    (cools_twice_as_fast, COIL, {"heat.decay"}),
+    (never_cools, COIL, {"heat.decay", "heat.power"}),
+    (cancel_keeps_the_charge, COIL, {"heat.refund"}),
+    (cancel_refunds_more_than_is_left, COIL, {"heat.refund"}),
+    (cold_after("_arm"), COIL, {"heat.outlives"}),
+    (cold_after("_disarm"), COIL, {"heat.outlives"}),
+    (cold_after("_stop"), COIL, {"heat.outlives"}),
+    (cold_after("_outputs_off"), COIL, {"heat.outlives"}),
+    (cold_after("_configure"), COIL, {"heat.configured"}),
+    (cold_after("_power_on"), COIL, {"heat.outlives"}),
+    (forgets_by_loss_of_power, COIL, {"heat.power"}),
+    (forgets_little_by_loss_of_power, COIL, {"heat.power"}),
+    (trusts_memory_after_loss_of_power, COIL, {"heat.power"}),
+    (heat_rounded_down, COIL, {"heat.telemetry"}),
 ]

@@ -105,7 +105,7 @@ def test_messages_round_trip(data, name):
 
 @pytest.mark.parametrize(
     ("name", "values", "named"),
-    [("nonsense", (), "nonsense"), ("sync", (), "1 fields"), ("sync", (-1,), "-1"), ("configure", ((1, 2),), "takes 4")],
+    [("nonsense", (), "nonsense"), ("sync", (), "1 fields"), ("sync", (-1,), "-1"), ("configure", ((1, 2),), "takes 5")],
 )
 def test_what_fits_no_message_is_refused(name, values, named):
     with pytest.raises(InputError, match=named):

@@ -50,6 +50,8 @@ from haptics.link import (
     Status,
     Telemetry,
 )
+from haptics.link.settings import LinkCounters
+from haptics.link.sync import ClockExchanges
 
 DURATIONS = (100, *[0] * 14)
 
@@ -170,19 +172,78 @@ def test_any_board_is_taken_if_none_is_named():
 
 
 def test_stricter_limits_are_configured_before_ready():
-    bench = Bench(LinkSession(Board.TACTILES, "double", limits=(160, 2000, 32, 4500)), BoardDouble())
+    bench = Bench(LinkSession(Board.TACTILES, "double", limits=(160, 2000, 32, 4500, 2500)), BoardDouble())
     bench.session.start(0)
     bench.run(50)
     assert bench.session.ready
-    assert [(t, p) for t, _, p in bench.board.carried_out] == [(CONFIGURE, struct.pack("<4H", 160, 2000, 32, 4500))]
+    assert [(t, p) for t, _, p in bench.board.carried_out] == [(CONFIGURE, struct.pack("<5H", 160, 2000, 32, 4500, 2500))]
 
 
 def test_looser_limits_fail_the_handshake_in_words():
-    bench = Bench(LinkSession(Board.TACTILES, "double", limits=(201, 2000, 32, 4500)), BoardDouble())
+    bench = Bench(LinkSession(Board.TACTILES, "double", limits=(201, 2000, 32, 4500, 2500)), BoardDouble())
     bench.session.start(0)
     bench.run(50)
     assert isinstance(bench.session.error, CommandRefused)
     assert "stricter" in str(bench.session.error)
+
+
+def test_a_board_that_says_ok_to_limits_and_keeps_to_others_is_not_used():
+    class Deaf(BoardDouble):
+        def _carry_out(self, type_, payload, now_ns):
+            kept = self.limits
+            answer = super()._carry_out(type_, payload, now_ns)
+            self.limits = kept
+            return answer
+
+    bench = Bench(LinkSession(Board.TACTILES, "double", limits=(200, 2000, 32, 4600, 2000)), Deaf())
+    bench.session.start(0)
+    bench.run(1000)
+    assert isinstance(bench.session.error, LinkError)
+    assert "least supply voltage 4500 mV, configured: 4600 mV" in str(bench.session.error)
+    assert "on-time account 2500 ms, configured: 2000 ms" in str(bench.session.error)
+    assert "coil current" not in str(bench.session.error)
+    assert bench.happened(Failed)
+    assert not bench.happened(Ready)
+    assert bench.session.arm(bench.now_ns).error is not None
+
+
+def test_an_old_identity_that_comes_late_is_not_held_against_a_board_that_was_configured():
+    bench = Bench(LinkSession(Board.TACTILES, "double", limits=(200, 2000, 32, 4500, 2000)), BoardDouble())
+    old: list[bytes] = []
+
+    def twice(now_ns, data):
+        """The first identity comes a second time, behind the answer to configure."""
+        kind = parse(data[:-1])[0] if parse(data[:-1]) else 0
+        if kind == 0x81 and not old:
+            old.append(data)
+        return 300_000, data + (old[0] if kind == 0x90 else b"")
+
+    bench.down = twice
+    bench.session.start(0)
+    bench.run(400)
+    assert bench.session.ready
+    assert bench.session.identity.limits == (200, 2000, 32, 4500, 2000)
+
+
+def test_a_board_that_reboots_while_its_limits_are_verified_is_configured_anew():
+    bench = Bench(LinkSession(Board.TACTILES, "double", limits=(200, 2000, 32, 4500, 2000)), BoardDouble())
+    bench.session.start(0)
+    while bench.board.limits[4] != 2000:
+        bench.run(0.1)
+    bench.board.limits = (200, 2000, 32, 4500, 2500)
+    bench.board.reboot(0xB0070002, bench.now_ns)
+    bench.run(300)
+    assert bench.session.ready
+    assert bench.board.limits[4] == bench.session.identity.limits[4] == 2000
+
+
+def test_firmware_whose_identity_has_another_length_is_named_as_such(bench):
+    bench.board.handle = lambda data, now_ns: frame(0x81, 0, bytes(33))
+    bench.session.start(0)
+    bench.run(50)
+    assert isinstance(bench.session.error, WrongFirmware)
+    assert "its identity has 33 bytes, this package's 35" in str(bench.session.error)
+    assert "make firmware-flash" in str(bench.session.error)
 
 
 def test_before_ready_commands_fail_and_say_so(bench):
@@ -549,6 +610,18 @@ def test_disarming_by_hand_is_no_news(armed):
     assert armed.happened(Disarmed) == []
 
 
+def test_what_was_sent_before_a_disarm_is_not_sent_again_after_it(armed):
+    """A pulse for later is lost on the line; its repetition would find the board armed again, and play."""
+    armed.up = losing(PULSE, 1)
+    lost = pulse(armed, in_ms=200)
+    armed.session.send("disarm", now_ns=armed.now_ns)
+    armed.session.arm(armed.now_ns)
+    armed.run(100)
+    assert armed.session.armed
+    assert armed.board.types().count(PULSE) == 0
+    assert isinstance(lost.error, LinkError)
+
+
 def test_arm_then_disarm_in_one_breath_ends_disarmed(ready):
     ready.session.arm(ready.now_ns)
     ready.session.send("disarm", now_ns=ready.now_ns)
@@ -618,12 +691,70 @@ def test_nothing_is_scheduled_by_a_stale_clock(armed):
 
 
 def test_nothing_is_scheduled_by_a_loose_clock():
-    bench = Bench(LinkSession(Board.TACTILES, "far away"), BoardDouble(), delay_ns=8 * MS)
+    bench = Bench(LinkSession(Board.TACTILES, "far away"), BoardDouble(), delay_ns=30 * MS)
     bench.session.start(0)
-    bench.run(1000)
+    bench.run(2000)
     assert bench.session.ready
     with pytest.raises(ClockUncertain, match="known within"):
         bench.session.to_ticks(bench.now_ns)
+    assert bench.session.counters.clock_refusals == 1
+    assert 25 < bench.session.counters.clock_refused_ms < 35
+
+
+def test_nothing_is_measured_by_a_coarse_clock():
+    bench = Bench(LinkSession(Board.TACTILES, "far away"), BoardDouble(), delay_ns=8 * MS)
+    bench.session.start(0)
+    bench.run(1000)
+    bench.session.to_ticks(bench.now_ns)
+    with pytest.raises(ClockUncertain, match="allowed: 5 ms"):
+        bench.session.exact_ticks(bench.now_ns)
+
+
+@pytest.mark.parametrize(("up_ms", "down_ms"), [(0.3, 16.0), (16.0, 0.3), (8.0, 8.0)])
+def test_over_a_coarse_line_commands_play_later_by_the_clocks_bound_and_never_too_late(up_ms, down_ms):
+    """By the double's own clock: asked for 3 ms ahead, a pulse is there in time, and plays within twice the shift."""
+    bench = Bench(LinkSession(Board.TACTILES, "slow"), BoardDouble(skew=2e-4))
+    bench.up = lambda now_ns, data: (round(up_ms * MS), data)
+    bench.down = lambda now_ns, data: (round(down_ms * MS), data)
+    bench.session.start(0)
+    bench.run(3000)
+    bench.session.arm(bench.now_ns)
+    bench.run(100)
+    pendings, asked = [], []
+    for _ in range(40):
+        asked.append(bench.now_ns + 3 * MS)
+        ticks = bench.session.to_ticks(asked[-1])
+        pendings.append(bench.session.send("pulse", ticks, 1, 1, DURATIONS, now_ns=bench.now_ns))
+        plays_ns = (ticks - bench.board.ticks_0) * 500 / (1 + 2e-4)
+        assert asked[-1] <= plays_ns <= asked[-1] + 2 * bench.session.shift_ns + MS // 100
+        bench.run(50)
+    bench.run(200)
+    assert [pending.status for pending in pendings] == [Status.OK] * 40
+    assert 5 * MS < bench.session.shift_ns <= 12 * MS
+
+
+def test_the_shift_grows_at_once_and_shrinks_only_when_nothing_was_asked_for_a_while():
+    exchanges = ClockExchanges(LinkSettings(), LinkCounters())
+    exchanges._shift_wanted_ns = 5 * MS
+    assert exchanges.shifted_ns(1000 * MS) == 1005 * MS
+    exchanges._shift_wanted_ns = 9 * MS
+    assert exchanges.shifted_ns(1010 * MS) == 1019 * MS
+    exchanges._shift_wanted_ns = 0
+    assert exchanges.shifted_ns(1020 * MS) == 1029 * MS
+    assert exchanges.shifted_ns(1120 * MS) == 1129 * MS
+    assert exchanges.shifted_ns(1221 * MS) == 1221 * MS
+
+
+@pytest.mark.parametrize("period_ms", [16, 40])
+def test_a_line_that_hands_answers_on_in_batches_is_asked_at_all_its_phases(period_ms):
+    """Asked again at once, each answer would wait for a whole batch: the clock would be known within half of one for ever."""
+    bench = Bench(LinkSession(Board.TACTILES, "batches"), BoardDouble())
+    bench.down = lambda now_ns, data: (period_ms * MS - now_ns % (period_ms * MS), data)
+    bench.session.start(0)
+    bench.run(4000)
+    assert bench.session.ready
+    error_s = (bench.session.clock.to_ticks(bench.now_ns) - bench.board.ticks(bench.now_ns)) / 2e6
+    assert abs(error_s) <= bench.session.clock.error_bound_s(bench.now_ns) < period_ms * 1e-3 / 3
 
 
 def test_clock_is_measured_at_least_every_half_second(ready):

@@ -2,15 +2,17 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 import sys
 import types
+from pathlib import Path
 
 import pytest
 import serial
 
 from haptics.errors import InputError, LinkLost, PortBusy, PortMissing
 from haptics.link import list_ports, open_port
-from haptics.link.ports import PortErrors
+from haptics.link.ports import SCHEMES, PortErrors
 
 
 def test_simulated_boards_and_instruments_are_listed():
@@ -39,6 +41,51 @@ def test_what_is_no_port_is_refused_with_what_is_allowed(url):
     if not url.startswith("loop"):
         assert "sim://tactiles" in str(caught.value)
         assert "/dev/ttyACM0" in str(caught.value)
+
+
+@pytest.mark.parametrize("scheme", ["spy", "SPY", "alt", "cp2110", "http", "file", "sim:spy", " sim", "SOCKET"])
+def test_kinds_that_are_not_documented_are_refused_before_anything_is_opened(scheme, monkeypatch):
+    monkeypatch.setattr(serial, "serial_for_url", lambda *_, **__: pytest.fail("it was opened"))
+    with pytest.raises(InputError, match="allowed: sim://tactiles") as caught:
+        open_port(f"{scheme}:///dev/ttyACM0?file=victim")
+    assert f"{scheme}://" in str(caught.value)
+
+
+def test_every_kind_that_is_allowed_is_documented_and_the_other_way_round():
+    page = (Path(__file__).parents[2] / "docs" / "reference" / "lines.md").read_text()
+    table = page.split("Nothing else is opened")[0]
+    assert set(re.findall(r"`(\w+)://", table)) == set(SCHEMES)
+
+
+@pytest.mark.parametrize("scheme", ["socket", "rfc2217"])
+@pytest.mark.parametrize("rest", ["", ":", "127.0.0.1", "127.0.0.1:", "127.0.0.1:x", "127.0.0.1:0", "127.0.0.1:99999", "[::1:7"])
+def test_a_host_without_a_port_is_refused_by_form(scheme, rest):
+    with pytest.raises(InputError, match=rf"expected {scheme}://HOST:PORT"):
+        open_port(f"{scheme}://{rest}")
+
+
+@pytest.mark.parametrize("url", ["hwgrep://", "hwgrep://(", "hwgrep://x&n=y", "rfc2217://127.0.0.1:1?colour=red", "loop://?x=1"])
+def test_what_a_kind_of_port_cannot_use_is_an_input_error(url):
+    with pytest.raises(InputError, match=re.escape(url)):
+        open_port(url)
+
+
+@pytest.mark.parametrize("url", [None, 5, b"/dev/ttyACM0", ["sim://tactiles"], "a\0b", "/dev/tty\n"])
+def test_what_is_no_text_that_can_be_read_is_no_port(url):
+    with pytest.raises(InputError, match="port = "):
+        open_port(url)
+
+
+@pytest.mark.pty
+@pytest.mark.skipif(sys.platform == "win32", reason="POSIX words")
+def test_what_is_there_and_no_serial_port_is_called_so(tmp_path):
+    file = tmp_path / "recording.h5"
+    file.write_bytes(b"content")
+    with pytest.raises(PortMissing, match="there, but no serial port"):
+        open_port(str(file))
+    assert file.read_bytes() == b"content"
+    with pytest.raises(PortMissing, match="is a folder"):
+        open_port(str(tmp_path))
 
 
 def test_unknown_scheme_is_an_input_error():

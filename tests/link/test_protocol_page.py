@@ -17,16 +17,16 @@ GOLDEN = [
 ]
 VALUES = {
     "sync": (7,),
-    "configure": ((200, 2000, 32, 4500),),
+    "configure": ((200, 2000, 32, 4500, 2500),),
     "arm": (0xC0FFEE01,),
     "pulse": (0x01020304, 0b11, 0b01, (160, 120, *[0] * 13)),
     "cancel": (0x7FFF,),
     "drive": (2_000_000, 0b10, 1000, 300, 200),
     "piezo": (2_000_000, 0b1, 50),
-    "identity": (1, 1, 15, 2_000_000, 0x89ABCDEF, 0xC0FFEE01, b"1.0.0\0\0\0", 100, (200, 2000, 32, 4500)),
+    "identity": (1, 1, 15, 2_000_000, 0x89ABCDEF, 0xC0FFEE01, b"1.0.0\0\0\0", 100, (200, 2000, 32, 4500, 2500)),
     "sync_reply": (7, 1000, 1100),
     "reply": (Status.LATE, 0x01020384, 4),
-    "tactiles_telemetry": (4_000_000, State.ARMED, 0, (1, 2, *[0] * 13), 5000, 0, 1, 0, 0),
+    "tactiles_telemetry": (4_000_000, State.ARMED, 0, (1, 2, *[0] * 13), (50, 1, *[0] * 13), 5000, 0, 1, 0, 0),
     "brake_telemetry": (4_000_000, State.DRIVING, 0, (0, 1000, 0, 0, 0), (0, 1500, 0, 0, 0), (0, 12, 0, 0, 0), 1040, 90, 0, 0, 0),
     "fault": (4_000_000, Fault.DEAD_MAN, 255, 101),
 }
@@ -52,7 +52,7 @@ def test_every_message_has_a_golden_frame():
 
 def test_published_sizes_on_the_wire():
     sizes = {row[0]: len(row[3]) for row in GOLDEN}
-    assert (sizes["pulse"], sizes["reply"], sizes["tactiles_telemetry"]) == (29, 13, 53)
+    assert (sizes["pulse"], sizes["reply"], sizes["tactiles_telemetry"]) == (29, 13, 68)
 
 
 def test_tables_of_the_page_match_the_message_table():

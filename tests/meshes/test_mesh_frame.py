@@ -21,6 +21,25 @@ def test_a_cup_in_another_unit_is_named_with_the_unit(unit, word):
     assert size_fault(BOX / UNITS[unit], CUP, UNITS[unit]) is None
 
 
+@pytest.mark.parametrize(
+    ("size", "first", "second"),
+    [(80, "millimetres", None), (30, "centimetres", "millimetres"), (5, "centimetres", "inches"), (6.5, "centimetres", None)],
+)
+def test_a_unit_that_is_nearly_as_likely_is_named_too(size, first, second):
+    fault = size_fault(BOX * size / 0.1, CUP)
+    assert fault is not None
+    assert fault.cure.startswith(f"is it in {first}?")
+    assert ("; or in " in fault.cure) == (second is not None)
+    assert second is None or f"; or in {second}, " in fault.cure
+
+
+def test_a_decimetre_shirt_and_one_beyond_numbers():
+    shirt = Kind("a shirt", 0.01, 2.5, 0.6, "say {unit} or {scale}")
+    assert "is it in decimetres? Then it is 0.65 m" in str(size_fault(BOX * 65, shirt))
+    with np.errstate(all="raise"):
+        assert "it is inf m across" in str(size_fault(np.array([[-1e308] * 3, [1e308] * 3]), shirt))
+
+
 def test_what_no_unit_explains_has_no_cure():
     fault = size_fault(BOX * 1e-3, CUP)
     assert fault is not None

@@ -14,6 +14,7 @@ from recorded_session import record_session
 
 from haptics.errors import HapticsError, InputError
 from haptics.recording import Journal, Recording, finalise, hdf5, load, read_journal, recover
+from haptics.recording.seal import seal
 from haptics.recording.segments import MAGIC
 
 KINDS = st.sampled_from(["<i8", "<u2", "i1", "u1", "<f4", "<f8", "?", "S5", "V6"])
@@ -232,16 +233,17 @@ def test_a_journal_being_written_is_not_recovered(tmp_path: Path):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda file: file.attrs.__setitem__("haptics_schema", 99), "reads layouts 1 to 1: open it with a later one"),
+        (lambda file: file.attrs.__setitem__("haptics_schema", 99), "reads layouts 1 to 2: open it with a later one"),
         (lambda file: file.attrs.__setitem__("haptics_schema", 0), "haptics_schema = .*0.* is not allowed"),
         (lambda file: file.attrs.__delitem__("haptics_schema"), "no finished haptics recording"),
-        (lambda file: file.__delitem__("entry/provenance"), "not laid out as a haptics recording"),
+        (lambda file: file.__delitem__("entry/provenance"), "/entry/provenance is missing"),
     ],
 )
 def test_what_is_no_recording_of_this_version_says_what_to_do(tmp_path: Path, change, message: str):
     finalise(record_session(tmp_path / "j"), tmp_path / "r.h5")
     with h5py.File(tmp_path / "r.h5", "r+") as file:
         change(file)
+    seal(tmp_path / "r.h5")
     with pytest.raises(InputError, match=message):
         load(tmp_path / "r.h5")
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import errno
+import os
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -199,9 +201,13 @@ def test_fields_are_matched_by_name_when_extending(tmp_path: Path):
 def test_nothing_is_overwritten_unasked(tmp_path: Path):
     small_journal(tmp_path / "j")
     before = (tmp_path / "j").read_bytes()
+    for force in (False, True):
+        with pytest.raises(InputError, match="not overwritten, not even by force; save it first: haptics recording recover"):
+            Journal.create(tmp_path / "j", {}, force=force)
+        assert (tmp_path / "j").read_bytes() == before
+    (tmp_path / "j").write_bytes(before[:20])  # its writer died before there was anything in it
     with pytest.raises(InputError, match="--force"):
         Journal.create(tmp_path / "j", {})
-    assert (tmp_path / "j").read_bytes() == before
     Journal.create(tmp_path / "j", {"new": True}, force=True).close()
     assert read_journal(tmp_path / "j").header == {"new": True}
 
@@ -214,6 +220,68 @@ def test_a_journal_being_written_is_not_overwritten_even_by_force(tmp_path: Path
         Journal.create(tmp_path / "j", {}, force=True)
     journal.close()
     assert len(read_journal(tmp_path / "j").stream("a")) == 1
+
+
+def test_who_goes_off_is_not_broken_off_by_a_full_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    journal = Journal.create(tmp_path / "j", {}, rows_per_segment=4)
+    stream = journal.stream("a", ROW)
+    stream.append((0, 0.0, "", b""))
+    journal.commit()
+    with monkeypatch.context() as full:
+        full.setattr(journal, "_file", FullDisk(journal._file))
+        for step in range(1, 5):
+            stream.append((step, 0.0, "", b""))
+        with pytest.raises(HapticsError, match="no space left"):
+            stream.append((5, 0.0, "", b""))
+        journal.raises = False
+        stream.append((5, 0.0, "", b""))
+        stream.extend(np.zeros(3, ROW))
+        assert journal.commit() == 0
+        assert "no space left" in str(journal.error)
+        journal.abandon()
+    assert read_journal(tmp_path / "j").stream("a")["time_ns"].tolist() == [0]
+
+
+class FullDisk:
+    """A file on a disk that takes nothing more."""
+
+    def __init__(self, file: Any):
+        self._file = file
+
+    def write(self, data: Any) -> int:
+        raise OSError(errno.ENOSPC, "no space left on device")
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._file, name)
+
+
+def test_a_write_that_is_broken_off_by_a_signal_leaves_no_torn_segment(tmp_path: Path):
+    class Interrupted(FullDisk):
+        def write(self, data: Any) -> int:
+            self._file.write(bytes(data)[:7])
+            raise KeyboardInterrupt
+
+    journal = Journal.create(tmp_path / "j", {})
+    stream = journal.stream("a", ROW)
+    stream.append((1, 0.0, "", b""))
+    whole = journal._file
+    journal._file = Interrupted(whole)  # type: ignore[assignment]
+    with pytest.raises(KeyboardInterrupt):
+        journal.commit()
+    journal._file = whole
+    stream.append((2, 0.0, "", b""))
+    journal.close()
+    contents = read_journal(tmp_path / "j")
+    assert contents.complete
+    assert contents.stream("a")["time_ns"].tolist() == [1, 2]
+
+
+def test_a_journal_that_cannot_even_be_begun_leaves_no_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    opened = os.fdopen
+    monkeypatch.setattr("haptics.recording.journal.os.fdopen", lambda *args, **kwargs: FullDisk(opened(*args, **kwargs)))
+    with pytest.raises(HapticsError, match="no space left"):
+        Journal.create(tmp_path / "j", {})
+    assert not list(tmp_path.iterdir())
 
 
 def test_bad_declarations_are_refused(tmp_path: Path):

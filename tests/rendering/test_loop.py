@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from haptics.errors import InputError
 from haptics.fidelity import plan_scene
+from haptics.recording import finalise, load
 from haptics.scene import load_scene
 from haptics.scene.recordings import load_hand
 from haptics.session.configuration import Configuration
+from haptics.session.recorder import Recorder
 from haptics.session.run import RunOptions, open_glove
 from haptics.session.session import Session
 from haptics.time import NS_PER_MS
@@ -21,22 +25,24 @@ LATENCY_NS = 10 * NS_PER_MS
 class Stage:
     """A session in virtual time, fed by hand."""
 
-    def __init__(self, name: str):
+    def __init__(self, name: str, configuration: Configuration | None = None, record: Path | None = None):
+        configuration = configuration or Configuration()
         self.recording = load_hand("synthetic")
         scene = load_scene(name).placed_for(self.recording)
-        self.glove = open_glove(scene, plan_scene(scene), Configuration(), RunOptions())
-        self.session = Session(scene, self.glove, Configuration())
+        self.glove = open_glove(scene, plan_scene(scene), configuration, RunOptions())
+        recorder = None if record is None else Recorder(record, {}, force=False)
+        self.session = Session(scene, self.glove, configuration, recorder)
         self.glove.arm()
         self.start_ns = (self.glove.now_ns() // NS_PER_MS + 2) * NS_PER_MS
         self.session.begin(self.start_ns)
         self.frames = [replace(f, time_ns=f.time_ns + self.start_ns) for f in self.recording.frames("right")]
         self.fed = 0
 
-    def run(self, to_ms: float, poses: bool = True) -> None:
+    def run(self, to_ms: float, poses: bool = True, every_ms: int = 1) -> None:
         """Tick to ``to_ms`` after the start; with ``poses``, those whose latency has passed arrive."""
         end_ns = self.start_ns + round(to_ms * NS_PER_MS)
         while self.glove.now_ns() < end_ns:
-            now_ns = max(self.start_ns, self.glove.now_ns() // NS_PER_MS * NS_PER_MS + NS_PER_MS)
+            now_ns = max(self.start_ns, self.glove.now_ns() // NS_PER_MS * NS_PER_MS + every_ms * NS_PER_MS)
             while poses and self.fed < len(self.frames) and self.frames[self.fed].time_ns + LATENCY_NS <= now_ns:
                 self.session.submit(self.frames[self.fed], now_ns)
                 self.fed += 1
@@ -71,8 +77,8 @@ def test_without_poses_everything_goes_off_after_a_tenth_of_a_second(playground)
     assert playground.glove.brakes.engaged()
     playground.run(last_pose_ms + 102, poses=False)
     assert playground.glove.brakes.engaged() == {}
-    assert not any(playground.glove.tactiles.pins_out())
     playground.run(last_pose_ms + 300, poses=False)
+    assert not any(playground.glove.tactiles.pins_out())
     truth = playground.glove.plant("brake").truth()
     assert max(abs(v) for v in truth["volts"]) < 60
     assert set(playground.glove.plant("tactiles").truth()["latched"]) == {"off"}
@@ -111,6 +117,77 @@ def test_a_pose_that_cannot_be_is_refused_and_moves_nothing(playground, spoil, w
     assert playground.glove.tactiles.pins_out() == before
 
 
+def test_a_pose_from_the_future_moves_nothing_and_shuts_out_none_after_it(playground):
+    playground.run(600)
+    frame = playground.frames[playground.fed]
+    reason = playground.session.submit(replace(frame, time_ns=frame.time_ns + 3600 * 10**9), playground.glove.now_ns())
+    assert "ahead of its arrival" in str(reason)
+    playground.run(2400)
+    assert playground.kinds().count("pose_refused") == 1
+    assert "grasp_begin" in playground.kinds()
+    assert "watchdog" not in playground.kinds()
+
+
+def test_a_first_pose_in_the_wrong_place_costs_one_pose_more_and_is_let_go(playground):
+    first, then = playground.frames[0], playground.frames[1]
+    touching = then.position_m - then.position_m[10] + playground.session.loop.body("book").pose.position_m
+    session, now_ns = playground.session, playground.glove.now_ns
+    assert session.submit(replace(first, position_m=touching), now_ns() + 10 * NS_PER_MS) is None
+    playground.fed = 1
+    playground.run(2400)
+    assert playground.kinds().count("pose_refused") == 1
+    assert "grasp_begin" in playground.kinds()
+    assert "watchdog" not in playground.kinds()
+
+
+@pytest.mark.parametrize("frame", [None, {"wrist": [0, 0, 0]}, "pose"])
+def test_what_is_no_frame_at_all_is_an_error_and_changes_nothing(playground, frame):
+    playground.run(600)
+    with pytest.raises(InputError, match="allowed: a HandFrame"):
+        playground.session.submit(frame, playground.glove.now_ns())
+    playground.run(1500)
+    assert "pose_refused" not in playground.kinds()
+
+
+def test_a_session_on_a_left_glove_follows_no_right_hand():
+    stage = Stage("playground", Configuration(side="left"))
+    try:
+        stage.run(300)
+        assert set(stage.kinds()) == {"pose_refused"}
+        assert "the glove is on the left one" in stage.session.events[0].detail
+    finally:
+        stage.glove.off()
+        stage.glove.close()
+
+
+def test_a_hand_that_contradicts_its_label_is_an_event_once(playground):
+    playground.frames = [replace(frame, side="left") for frame in playground.frames]
+    playground.run(600)
+    (event,) = [event for event in playground.session.events if event.kind == "handedness"]
+    assert "the hand labelled left looks like a right one" in event.detail
+
+
+def test_poses_of_no_form_are_recorded_as_events_and_leave_the_recording_whole(tmp_path):
+    stage = Stage("playground", record=tmp_path / "run.journal")
+    try:
+        stage.run(300)
+        good = stage.fed
+        wrong = ({"position_m": None}, {"position_m": np.zeros((25, 3))}, {"side": 3}, {"time_ns": "now"}, {"track_id": 2**40})
+        for fields in wrong:
+            assert stage.session.submit(replace(stage.frames[good], **fields), stage.glove.now_ns()) is not None
+        lost = replace(stage.frames[good], position_m=np.full((26, 3), np.nan))
+        assert stage.session.submit(lost, stage.glove.now_ns()) is not None
+        stage.run(400)
+    finally:
+        stage.glove.off()
+        stage.glove.close()
+    stage.session.recorder.journal.close({})
+    finalise(tmp_path / "run.journal", tmp_path / "run.h5")
+    recording = load(tmp_path / "run.h5")
+    assert recording.stream("poses")["accepted"].tolist() == [1] * good + [0] + [1] * (stage.fed - good)
+    assert int((recording.stream("events")["kind"] == b"pose_refused").sum()) == len(wrong) + 1
+
+
 def test_a_hand_that_is_gone_lets_go_of_everything_quietly(playground):
     playground.run(1500)
     playground.session.hand_gone(playground.glove.now_ns())
@@ -134,3 +211,74 @@ def test_a_pin_that_the_board_refused_as_late_is_asked_for_again(playground):
     playground.run(100)
     assert [(r.played, r.reason) for r in playground.session.results] == [(False, "late"), (True, None)]
     assert playground.glove.plant("tactiles").truth()["latched"][1] == "on"
+
+
+def test_armed_again_the_loop_starts_from_nothing_and_what_is_still_held_is_not_felt_by_itself(playground):
+    playground.run(1500)
+    glove = playground.glove
+    assert glove.brakes.engaged()
+    believed_out = sum(glove.tactiles.pins_out())
+    assert believed_out
+    for link in glove.links.values():
+        link.send("disarm", now_ns=glove.now_ns())  # by whomever
+    playground.run(1520, poses=False)
+    assert glove.brakes.engaged() == {}
+    glove.arm()
+    energy_j = sum(glove.plant("tactiles").truth()["energy_j"])
+    again_ms = (glove.now_ns() - playground.start_ns) / NS_PER_MS
+    playground.run(again_ms + 300, poses=False)
+    assert glove.brakes.engaged() == {}
+    assert sum(glove.plant("tactiles").truth()["energy_j"]) == energy_j
+    assert sum(glove.tactiles.pins_out()) == believed_out
+    playground.fed = next(i for i, f in enumerate(playground.frames) if f.time_ns > glove.now_ns() - LATENCY_NS)
+    playground.run(again_ms + 500)
+    assert "grasp_end" in playground.kinds()  # the grasp of before is over; a new one begins with a new closing
+    assert glove.brakes.engaged() == {}
+
+
+@pytest.fixture
+def desk():
+    stage = Stage("desk")
+    yield stage
+    stage.glove.off()
+    stage.glove.close()
+
+
+@pytest.mark.parametrize("every_ms", [4, 11, 33])
+def test_ticked_too_seldom_the_loop_still_plays_in_time_and_says_overrun_once(desk, every_ms):
+    desk.run(1200, every_ms=every_ms)
+    said = [event for event in desk.session.events if event.kind == "overrun"]
+    assert len(said) == 1
+    assert said[0].time_ns - desk.start_ns <= 4 * every_ms * NS_PER_MS
+    assert f"ticked every {every_ms} ms" in said[0].detail
+    assert "tick every 1 ms" in said[0].detail
+    results = desk.session.results
+    assert sum(result.played for result in results) > 50
+    assert not {result.reason for result in results} & {"late", "unknown", "clock"}
+
+
+def test_ticked_often_enough_or_held_up_for_once_it_says_nothing(desk):
+    desk.run(300)
+    desk.run(301, every_ms=30)
+    desk.run(600)
+    desk.run(601, every_ms=30)
+    desk.run(900)
+    assert "overrun" not in desk.kinds()
+
+
+def test_each_stretch_of_slow_ticks_is_said(desk):
+    for stretch in range(1, 4):
+        desk.run(stretch * 200 - 100)
+        desk.run(stretch * 200, every_ms=10)
+    assert desk.kinds().count("overrun") == 3
+
+
+def test_pulses_that_were_due_before_the_tick_are_counted(playground):
+    playground.run(20)
+    playground.glove.tactiles.train("palm_index", 30, 10 * NS_PER_MS, playground.glove.now_ns())
+    playground.run(400, every_ms=25)
+    (said,) = [event.detail for event in playground.session.events if event.kind == "overrun"]
+    assert "pulses came late" in said
+    results = playground.session.results
+    assert sum(result.played for result in results) >= 20
+    assert not {result.reason for result in results} & {"late", "unknown"}

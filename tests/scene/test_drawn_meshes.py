@@ -24,7 +24,7 @@ def write(path: Path, vertices, faces) -> Path:
     return path
 
 
-def scene(folder: Path, keys: str = ""):
+def scene(folder: Path, keys: str = 'units = "m", up = "y"'):
     shape = f'{{ kind = "mesh", file = "box.obj"{", " * bool(keys)}{keys} }}'
     text = f'summary = "one"\n[[objects]]\nname = "thing"\nshape = {shape}\n'
     return read_scene(text, "mine", "mine.toml", folder)
@@ -50,10 +50,10 @@ def test_another_unit_is_named_and_both_its_cures_work(tmp_path, unit, scale, wo
     with pytest.raises(
         InputError, match=f"mine.toml:2: object .thing.: .*box.obj: it is .* m across; .* is it in {word}\\?"
     ) as refusal:
-        scene(tmp_path)
+        scene(tmp_path, 'up = "y"')
     assert f'units = "{unit}" or scale = {scale:g}' in str(refusal.value)
     for keys in (f'units = "{unit}"', f"scale = {scale:g}"):
-        made = scene(tmp_path, keys)
+        made = scene(tmp_path, keys + ', up = "y"')
         assert is_the_box(made.object("thing").body.shape)
         assert made.notes == ()
 
@@ -61,11 +61,49 @@ def test_another_unit_is_named_and_both_its_cures_work(tmp_path, unit, scale, wo
 def test_what_is_said_is_believed_with_a_note(tmp_path):
     write(tmp_path / "box.obj", BOX_VERTICES * 1000, BOX_FACES)
     for keys in ('units = "m"', "scale = 1"):
-        made = scene(tmp_path, keys)
+        made = scene(tmp_path, keys + ', up = "y"')
         assert made.notes == (
             "thing: box.obj: it is 100 m across; allowed: 0.002 to 3 m, as something to touch is; taken at its word",
         )
         assert made.object("thing").body.shape.volume_m3 == pytest.approx(1e9 * np.prod(SIZE_M))
+
+
+@pytest.mark.parametrize(
+    ("keys", "unsaid"),
+    [("", "in metres, y up"), ('up = "z"', "in metres"), ('units = "m"', "y up"), ("scale = 1", "y up")],
+)
+def test_what_is_not_said_is_noted_as_it_was_taken(tmp_path, keys, unsaid):
+    write(tmp_path / "box.obj", BOX_VERTICES, BOX_FACES)
+    wide, high, deep = (0.06, 0.03, 0.1) if "z" in keys else (0.06, 0.1, 0.03)
+    assert scene(tmp_path, keys).notes == (
+        f"thing: box.obj: taken to be {unsaid}, as its shape does not say: {wide} m wide, {high} high, {deep} deep",
+    )
+
+
+@pytest.mark.parametrize(("size", "likely"), [(0.1, None), (0.9, None), (1.5, "centimetres"), (2.5, "centimetres")])
+def test_a_possible_size_that_is_likelier_in_another_unit_is_asked_about(tmp_path, size, likely):
+    write(tmp_path / "box.obj", BOX_VERTICES * size / 0.1, BOX_FACES)
+    (note,) = scene(tmp_path, 'up = "y"').notes
+    assert ("is it in " in note) == (likely is not None)
+    assert likely is None or (likely in note and "or in" in note)
+    assert scene(tmp_path).notes == ()
+
+
+def test_a_mesh_that_lies_off_the_origin_of_its_file_says_so(tmp_path):
+    write(tmp_path / "box.obj", BOX_VERTICES + np.array([0, 0, 0.5]), BOX_FACES)
+    assert scene(tmp_path).notes == (
+        "thing: box.obj: it lies 0.485 m from the origin of its file, which is what a scene places: its middle is at (0, 0, 0.5)",
+    )
+    write(tmp_path / "box.obj", BOX_VERTICES + np.array([0, 0.05, 0.1]), BOX_FACES)
+    assert scene(tmp_path).notes == ()
+
+
+def test_more_pieces_than_can_be_sorted_are_refused_in_time(tmp_path, monkeypatch):
+    monkeypatch.setattr("haptics.scene.mesh.MOST_PIECES", 2)
+    three = np.concatenate([BOX_VERTICES + np.array([k, 0, 0]) for k in (0, 0.2, 0.4)])
+    path = write(tmp_path / "box.obj", three, np.concatenate([BOX_FACES + 8 * k for k in range(3)]))
+    with pytest.raises(InputError, match="in 3 pieces; allowed: at most 2; join it where it was made"):
+        load_mesh(path)
 
 
 def test_a_mesh_with_another_axis_up_is_turned(tmp_path):
@@ -120,7 +158,7 @@ def test_holes_are_counted_and_closed_on_request(tmp_path):
     write(tmp_path / "box.obj", BOX_VERTICES, BOX_FACES[3:])
     with pytest.raises(InputError, match=r"the mesh is open: 2 holes \(4 edges about .*; 3 edges about .*\); .*repair = true"):
         scene(tmp_path)
-    made = scene(tmp_path, "repair = true")
+    made = scene(tmp_path, 'repair = true, units = "m", up = "y"')
     (note,) = made.notes
     assert note.startswith("thing: box.obj: 2 holes (4 edges about (-0.03, 0, 0); 3 edges about (0.03, ")
     assert note.endswith(" closed by flat caps")

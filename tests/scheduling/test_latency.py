@@ -110,6 +110,31 @@ def test_releases_that_pass_a_contact_reach_its_longer_bound():
     assert last[0].start_ns == seconds_to_ns(bound_s)
 
 
+def test_releases_that_wait_and_the_contacts_behind_them_reach_the_longest_bound():
+    """On each of fourteen channels a release, the contact after it and its release go before the fifteenth's contact."""
+    scheduler = cold(3)
+    for channel in range(3):
+        scheduler.submit(burst(channel, 0), 0)
+    scheduler.step(0, 0)
+    for make in (release, contact):
+        for channel in range(14):
+            scheduler.submit(make(channel, 0), 0)
+    last = contact(14, 0)
+    scheduler.submit(last, 0)
+    told: list[Outcome] = []
+    for round_number in range(16):
+        now_ns = (5 + 10 * round_number) * MS
+        if round_number == 9:  # the fourteenth contact starts, and two releases beside it
+            told += scheduler.submit(release(0, now_ns), now_ns) + scheduler.submit(release(1, now_ns), now_ns)
+        if round_number == 10:
+            for channel in range(2, 14):
+                told += scheduler.submit(release(channel, now_ns), now_ns)
+        told += scheduler.step(now_ns, now_ns + 9 * MS)[1]
+    bound_s = latency_bound_s(3, unit_s=0.010, blocker_s=0.005, overtakes=2)
+    assert bound_s == pytest.approx(0.145)
+    assert [o.start_ns for o in told if o.request == last] == [seconds_to_ns(bound_s)]
+
+
 def test_committing_ahead_adds_the_horizon():
     """A start given out ahead, and a release that comes right after: the horizon and the unit are its blocker."""
     scheduler = cold(1)
@@ -212,6 +237,81 @@ def test_a_contact_keeps_its_bound_where_contacts_and_releases_alternate(
     waits = [wait_ns for request, wait_ns in waits_ns(outcomes, pulses) if request.priority is Priority.CONTACT]
     assert waits
     assert all(within(wait_ns, bound_s) for wait_ns in waits)
+
+
+def flickering(seed: int, scheduler: Scheduler, horizon_ms: int, eagerness: float) -> list[tuple[Request, int]]:
+    """Contacts and releases as touches flicker, over each other, as a driver asks: no release of a pin that is in.
+
+    Returns each contact or release that played, with its wait from when its coil was free and nothing of its channel went before.
+    """
+    rng = np.random.default_rng(seed)
+    outcomes: list[Outcome] = []
+    pulses: list[CoilPulse] = []
+    out = [False] * 15  # by what was given out
+    release_waits = [False] * 15
+    for tick in range(300):
+        now_ns = tick * MS
+        told: list[Outcome] = []
+        for channel in rng.permutation(15).tolist():
+            if rng.random() >= eagerness:
+                continue
+            kind = rng.choice([contact, contact, release, release, pulse, burst], p=[0.25, 0.2, 0.25, 0.2, 0.05, 0.05])
+            if kind is release:
+                told += scheduler.withdraw_contact(channel, now_ns)
+                if not out[channel] or release_waits[channel]:
+                    continue
+                release_waits[channel] = True
+            told += scheduler.submit(kind(channel, now_ns), now_ns)
+        more_pulses, more = scheduler.step(now_ns, (tick + 1 + horizon_ms) * MS)
+        pulses += more_pulses
+        told += more
+        for outcome in sorted(told, key=lambda o: o.start_ns or 0):
+            channel, priority = outcome.request.channel, outcome.request.priority
+            release_waits[channel] &= priority is not Priority.RELEASE
+            if outcome.played and priority in (Priority.CONTACT, Priority.RELEASE):
+                out[channel] = priority is Priority.CONTACT
+        outcomes += told
+    return [(r, w) for r, w in waits_ns(outcomes, pulses) if r.priority in (Priority.CONTACT, Priority.RELEASE)]
+
+
+currents = st.lists(st.sampled_from([2.0, 3.0, 3.9, 7.0]), min_size=15, max_size=15)
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 2**32 - 1), currents, st.integers(0, 5), st.sampled_from([0.02, 0.1, 0.3]))
+def test_mixed_touches_keep_their_bounds_also_with_unequal_coils(
+    seed: int, currents: list[float], horizon_ms: int, eagerness: float
+):
+    limits = CoilLimits(current_limit_a=14.0, coil_current_a=tuple(currents), coil_power_w=0.0)
+    scheduler = Scheduler(limits=limits)
+    scheduler.set_armed(True)
+    blocker_s = 0.010 + (horizon_ms + 1) * 1e-3
+    bounds = {
+        Priority.RELEASE: latency_bound_s(limits.coils_at_once, blocker_s=blocker_s),
+        Priority.CONTACT: latency_bound_s(limits.coils_at_once, blocker_s=blocker_s, overtakes=2),
+    }
+    waits = flickering(seed, scheduler, horizon_ms, eagerness)
+    assert waits
+    assert all(within(wait_ns, bounds[request.priority]) for request, wait_ns in waits)
+
+
+@settings(max_examples=60, deadline=None)
+@given(currents, st.lists(st.sampled_from([1, 2, 3, 10]), max_size=15), st.permutations(range(15)), st.integers(0, 4_999_999))
+def test_unequal_coils_asked_for_together_keep_the_bound_of_the_worst_one(
+    currents: list[float], blockers: list[int], order: list[int], at_ns: int
+):
+    limits = CoilLimits(current_limit_a=14.0, coil_current_a=tuple(currents), coil_power_w=0.0)
+    scheduler = Scheduler(limits=limits)
+    scheduler.set_armed(True)
+    for channel, cycles in enumerate(blockers):
+        scheduler.submit(burst(channel, 0, cycles=cycles), 0)
+    scheduler.step(0, at_ns)
+    for channel in order:
+        scheduler.submit(contact(channel, at_ns), at_ns)
+    outcomes = [o for o in scheduler.step(at_ns, at_ns + 500 * MS)[1] if o.request.priority is Priority.CONTACT]
+    assert len(outcomes) == 15
+    bound_s = latency_bound_s(limits.coils_at_once, unit_s=0.010, blocker_s=0.005)
+    assert all(within((o.start_ns or 0) - at_ns, bound_s) for o in outcomes)
 
 
 @settings(max_examples=25, deadline=None)

@@ -124,6 +124,131 @@ def test_the_newest_request_of_a_channel_replaces_the_one_that_waits():
     assert [o.request.token for o in outcomes] == ["newer"]
 
 
+def test_a_release_that_waits_survives_a_newer_contact_and_goes_first():
+    scheduler = armed()
+    scheduler.submit(contact(0, 0), 0)
+    scheduler.step(0, 0)
+    back, out = release(0, 2 * MS, token="back"), contact(0, 3 * MS, token="out")
+    assert scheduler.submit(back, 2 * MS) == []
+    assert scheduler.submit(out, 3 * MS) == []
+    pulses, outcomes = scheduler.step(3 * MS, 50 * MS)
+    assert [(p.start_ns // MS, p.toward_skin) for p in pulses] == [(10, False), (20, True)]
+    assert [o.request.token for o in outcomes] == ["back", "out"]
+
+
+def test_a_contact_that_is_denied_does_not_take_the_release_before_it_along():
+    scheduler = armed(limit_k=2.1 * JUMP_K)
+    scheduler.submit(contact(0, 0), 0)
+    scheduler.step(0, 0)
+    scheduler.submit(release(0, MS), MS)
+    scheduler.submit(contact(0, 2 * MS), 2 * MS)
+    pulses, outcomes = scheduler.step(2 * MS, 50 * MS)
+    assert [(p.start_ns // MS, p.toward_skin) for p in pulses] == [(10, False)]
+    assert [(o.request.priority, o.reason) for o in outcomes] == [(Priority.RELEASE, None), (Priority.CONTACT, "heat")]
+
+
+@pytest.mark.parametrize("latest_ms", [3, 12])
+def test_a_contact_that_comes_too_late_leaves_the_release_where_it_is(latest_ms):
+    scheduler = armed()
+    scheduler.submit(contact(0, 0), 0)
+    scheduler.step(0, 0)
+    scheduler.submit(release(0, MS), MS)
+    told = scheduler.submit(contact(0, 2 * MS, latest_ms * MS), 5 * MS)
+    pulses, outcomes = scheduler.step(5 * MS, 50 * MS)
+    assert [(p.start_ns // MS, p.toward_skin) for p in pulses] == [(10, False)]
+    assert sorted(str(o.reason) for o in [*told, *outcomes]) == ["None", "late"]
+
+
+def test_only_the_newest_of_those_after_a_release_stays():
+    scheduler = armed()
+    scheduler.submit(contact(0, 0), 0)
+    scheduler.step(0, 0)
+    scheduler.submit(release(0, MS), MS)
+    assert scheduler.submit(contact(0, 2 * MS), 2 * MS) == []
+    assert reasons(scheduler.submit(pulse(0, 3 * MS), 3 * MS)) == [(0, "superseded", "channel")]
+    pulses, outcomes = scheduler.step(3 * MS, 50 * MS)
+    assert [o.request.priority for o in outcomes] == [Priority.RELEASE, Priority.PULSE]
+    assert [p.start_ns // MS for p in pulses] == [10, 20, 23]
+
+
+def test_a_release_asked_for_after_a_release_is_played_by_it():
+    scheduler = armed()
+    scheduler.submit(contact(0, 0), 0)
+    scheduler.step(0, 0)
+    for at_ms, make in enumerate((release, contact, release), start=1):
+        scheduler.submit(make(0, at_ms * MS, token=at_ms), at_ms * MS)
+    pulses, outcomes = scheduler.step(3 * MS, 50 * MS)
+    assert starts_ms(pulses) == [(0, 10)]
+    assert [(o.request.token, o.reason) for o in outcomes] == [(3, "superseded"), (1, None)]
+
+
+def test_a_release_for_later_is_void_once_what_was_asked_for_after_it_starts():
+    scheduler = armed()
+    scheduler.submit(release(0, 40 * MS), 0)
+    scheduler.submit(contact(0, MS), MS)
+    pulses, outcomes = scheduler.step(MS, 100 * MS)
+    assert [(p.start_ns // MS, p.toward_skin) for p in pulses] == [(1, True)]
+    assert [(o.request.priority, o.reason) for o in outcomes] == [(Priority.RELEASE, "superseded"), (Priority.CONTACT, None)]
+
+
+def test_a_contact_that_waits_can_be_withdrawn_and_nothing_else():
+    scheduler = armed()
+    scheduler.submit(contact(0, 5 * MS), 0)
+    assert reasons(scheduler.withdraw_contact(0, 0)) == [(0, "superseded", None)]
+    scheduler.submit(release(0, 5 * MS), 0)
+    scheduler.submit(pulse(1, 5 * MS), 0)
+    assert [scheduler.withdraw_contact(channel, 0) for channel in range(3)] == [[], [], []]
+    assert scheduler.pending == 2
+
+
+def unequal() -> Scheduler:
+    """One coil of 7 A and fourteen of 3 A at 12 A."""
+    scheduler = Scheduler(limits=CoilLimits(current_limit_a=12.0, coil_current_a=(7.0,) + (3.0,) * 14))
+    scheduler.set_armed(True)
+    return scheduler
+
+
+def test_a_coil_that_draws_more_goes_with_as_many_others_as_the_current_allows():
+    scheduler = unequal()
+    for channel in range(7):
+        scheduler.submit(contact(channel, 0), 0)
+    assert starts_ms(scheduler.step(0, 25 * MS)[0]) == [(0, 0), (1, 0), (2, 10), (3, 10), (4, 10), (5, 10), (6, 20)]
+
+
+def test_small_coils_do_not_starve_a_large_one():
+    """Four coils of 3 A always run, never two ending together; the 7 A coil is kept what falls free."""
+    scheduler = unequal()
+    starts: list[tuple[int, float]] = []
+    for at_ms in range(60):
+        channel = 1 + at_ms % 14
+        scheduler.submit(contact(channel, at_ms * MS), at_ms * MS)
+        if at_ms == 20:
+            scheduler.submit(contact(0, 20 * MS), 20 * MS)
+        starts += starts_ms(scheduler.step(at_ms * MS, (at_ms + 1) * MS)[0])
+    large_ms = next(start for channel, start in starts if channel == 0)
+    older = [start for channel, start in starts if 20 < start < large_ms]
+    assert large_ms - 20 <= 10 * (1 + len(older)), "one round for each that went before it"
+
+
+def test_who_waits_behind_a_large_coil_goes_on_when_that_becomes_late():
+    scheduler = unequal()
+    for channel in (1, 2, 3):
+        scheduler.submit(contact(channel, 0), 0)
+    scheduler.submit(contact(0, MS, 6 * MS), 0)
+    scheduler.submit(contact(4, 2 * MS), 0)
+    pulses, outcomes = scheduler.step(0, 50 * MS)
+    assert starts_ms(pulses)[3:] == [(4, 6.000001)]
+    assert (0, "late", "current") in reasons(outcomes)
+
+
+def test_a_coil_that_draws_more_than_the_supply_has_is_denied():
+    scheduler = Scheduler(2, CoilLimits(current_limit_a=5.0, coil_current_a=(7.0, 3.0)))
+    scheduler.set_armed(True)
+    assert reasons(scheduler.submit(contact(0, 0), 0)) == [(0, "current", None)]
+    scheduler.submit(contact(1, 0), 0)
+    assert starts_ms(scheduler.step(0, 0)[0]) == [(1, 0)]
+
+
 def test_a_request_waits_for_the_stroke_on_its_own_channel():
     scheduler = armed()
     scheduler.submit(contact(0, 0), 0)
@@ -334,6 +459,7 @@ def test_power_of_each_coil_may_differ():
         (lambda: Scheduler(channels=1, budgets=[ThermalBudget(limit_k=0.1)]), "limit_k"),
         (lambda: Scheduler(limits=CoilLimits(coil_power_w=(18.0, 18.0))), "coil_power_w"),
         (lambda: Scheduler(limits=CoilLimits(coil_current_a=(3.6, 3.6))), "coil_current_a"),
+        (lambda: Scheduler(channels=1, limits=CoilLimits(coil_current_a=(3.6, 3.6))), "coil_current_a"),
         (lambda: CoilLimits(gap_s=-1e-3), "gap_s"),
         (lambda: CoilLimits(coil_current_a=0.0), "coil_current_a"),
         (lambda: Stroke(True, 0.011), "duration_s"),

@@ -86,13 +86,13 @@ operations = st.one_of(short_scripts, st.integers(0, 2**32 - 1).map(long_script)
 settings_drawn = st.tuples(st.integers(1, 4), st.sampled_from([2.0, 2.1, 3.0, 5.0]), st.sampled_from([0.0, 0.0002]))
 
 
-def play(drawn: tuple[int, float, float], script: list[tuple], split: int = 1) -> Story:
-    """Run a script; each step's span may be cut into ``split`` touching spans."""
+def play(drawn: tuple[int, float, float], script: list[tuple], split: int = 1, limits: CoilLimits | None = None) -> Story:
+    """Run a script; each step's span may be cut into ``split`` touching spans. ``limits`` in place of equal coils."""
     coils_at_once, limit_jumps, gap_s = drawn
     story = Story(coils_at_once, limit_jumps * JUMP_K, gap_s)
     scheduler = Scheduler(
         CHANNELS,
-        CoilLimits(current_limit_a=3.9 * coils_at_once + 0.1, gap_s=gap_s),
+        limits or CoilLimits(current_limit_a=3.9 * coils_at_once + 0.1, gap_s=gap_s),
         [ThermalBudget(PARAMETERS, story.limit_k) for _ in range(CHANNELS)],
     )
     scheduler.set_armed(True)
@@ -237,6 +237,7 @@ def test_a_release_is_never_denied_for_heat_nor_held_by_it_after_anything_else(
 @given(settings_drawn, operations)
 @example((1, 5.0, 0.0002), long_script(17949))
 def test_the_newest_request_of_a_channel_wins(drawn: tuple[int, float, float], script: list[tuple]):
+    """But a release that waits keeps its turn: see the next test."""
     story = play(drawn, script)
     for channel in range(CHANNELS):
         asked = [r for r in story.requests if r.channel == channel]
@@ -244,18 +245,51 @@ def test_the_newest_request_of_a_channel_wins(drawn: tuple[int, float, float], s
         outcome = {o.request.token: o for o in story.outcomes if o.request.channel == channel}
         starts = [outcome[r.token].start_ns for r in asked if outcome[r.token].played]
         assert starts == sorted(s for s in starts if s is not None)  # an older one never plays after a newer one
-        assert not asked or outcome[asked[-1].token].reason != "superseded"
+        newest = asked[-1] if asked else None
+        assert newest is None or newest.priority is Priority.RELEASE or outcome[newest.token].reason != "superseded"
         for older, newer in pairwise(asked):
             told_first = outcome[older.token].played and older.priority is not Priority.BURST
-            if told_first or outcome[older.token].reason == "superseded":
+            if older.priority is not Priority.RELEASE and (told_first or outcome[older.token].reason == "superseded"):
                 # either it was given out before the newer one came, or it fell the moment that one came
                 place = story.outcomes.index(outcome[older.token])
                 assert (place < story.told_before[newer.token]) == told_first
             for later in story.pulses[story.given_before[newer.token] :]:
                 if later.channel == channel and later.start_ns < (outcome[newer.token].start_ns or 0):
-                    # cycles of a burst that runs, also on past one that came too late to cut it short
-                    assert priority[later.token] is Priority.BURST
-                    assert later.start_ns < newer.start_ns
+                    # a release that had its turn, or cycles of a burst that runs, also on past one that came too late to cut it
+                    assert priority[later.token] in (Priority.BURST, Priority.RELEASE)
+                    assert priority[later.token] is Priority.RELEASE or later.start_ns < newer.start_ns
+
+
+@settings(max_examples=150, deadline=None)
+@given(settings_drawn, operations)
+def test_a_release_is_given_up_only_for_a_unit_that_plays_instead(drawn: tuple[int, float, float], script: list[tuple]):
+    """Or for an older release, which had the earlier turn."""
+    story = play(drawn, script)
+    order = {request.token: place for place, request in enumerate(story.requests)}
+    told = {outcome.request.token: place for place, outcome in enumerate(story.outcomes)}
+    for outcome in story.outcomes:
+        request = outcome.request
+        if request.priority is not Priority.RELEASE or outcome.reason != "superseded":
+            continue
+        event("release given up")
+        others = [r for r in story.requests if r.channel == request.channel and r is not request]
+        older = [r for r in others if r.priority is Priority.RELEASE and order[r.token] < order[request.token]]
+        played = {pulse.token for pulse in story.pulses if pulse.start_ns >= request.submitted_ns}
+        newer = [r for r in others if order[r.token] > order[request.token] and r.token in played]
+        assert newer or any(told[r.token] > told[request.token] or r.token in played for r in older)
+
+
+@settings(max_examples=200, deadline=None)
+@given(
+    st.lists(st.sampled_from([1.0, 2.5, 3.0, 3.9, 7.0]), min_size=CHANNELS, max_size=CHANNELS),
+    st.sampled_from([7.0, 9.0, 12.0]),
+    operations,
+)
+def test_unequal_coils_never_draw_more_than_the_supply_has(currents: list[float], limit_a: float, script: list[tuple]):
+    story = play((1, 5.0, 0.0), script, limits=CoilLimits(current_limit_a=limit_a, coil_current_a=tuple(currents)))
+    for one in story.pulses:
+        together = [p for p in story.pulses if p.start_ns <= one.start_ns < end_ns(p)]
+        assert sum(currents[p.channel] for p in together) <= limit_a + 1e-9
 
 
 @settings(max_examples=100, deadline=None)

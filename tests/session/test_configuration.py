@@ -38,16 +38,22 @@ def test_the_example_on_the_page_is_valid_and_shows_the_defaults():
 @pytest.mark.parametrize(
     ("table", "words"),
     [
-        ({"tactiles": {"rise_limit_k": 61}}, ("tactiles.rise_limit_k", "61", "60")),
+        ({"tactiles": {"rise_limit_k": 31}}, ("tactiles.rise_limit_k", "31", "30")),
+        ({"tactiles": {"current_limit_a": 3.9}}, ("tactiles.current_limit_a", "3.9", "3.907")),
         ({"tactiles": {"contact_pulse_s": 0.02}}, ("contact_pulse_s", "0.02", "0.01")),
         ({"tactiles": {"sites": ["elbow"]}}, ("sites", "index_tip")),
         ({"tactiles": {"sites": ["index_tip", "index_tip"]}}, ("sites", "different")),
         ({"brake": {"amplitude_v": 1501}}, ("brake.amplitude_v", "1501", "1500")),
+        ({"brake": {"max_amplitude_v": 1501}}, ("brake.max_amplitude_v", "1501", "1500")),
+        ({"brake": {"max_charge_c": 46e-6}}, ("brake.max_charge_c", "4.6e-05", "0.000045")),
+        ({"brake": {"max_amplitude_v": 600, "amplitude_v": 700}}, ("amplitude_v = 700", "max_amplitude_v = 600")),
+        ({"brake": {"max_frequency_hz": 10, "frequency_hz": 20}}, ("frequency_hz = 20", "max_frequency_hz = 10")),
         ({"brake": {"channels": []}}, ("channels",)),
         ({"brake": {"channels": list("abcdef")}}, ("channels", "5")),
         ({"tracker_latency_s": float("nan")}, ("tracker_latency_s",)),
         ({"colour": 1}, ("colour",)),
         ({"tactiles": {"calibration": {"index_tip": {"tau_s": -1}}}}, ("tau_s", "-1")),
+        ({"tactiles": {"calibration": {"index_tip": {"c_sd_k_per_w": 1}}}}, ("c_sd_k_per_w = 1", "c_k_per_w")),
     ],
 )
 def test_what_is_not_allowed_is_refused_by_name_value_and_range(table, words):
@@ -55,6 +61,43 @@ def test_what_is_not_allowed_is_refused_by_name_value_and_range(table, words):
         check_configuration(table, "glove.toml")
     for word in words:
         assert word in str(refused.value)
+
+
+def test_what_is_not_given_keeps_to_a_limit_that_is():
+    brake = check_configuration({"brake": {"max_amplitude_v": 300}}, "glove.toml").brake
+    assert (brake.amplitude_v, brake.clutch_amplitude_v, brake.max_amplitude_v) == (300, 300, 300)
+
+
+def test_boards_are_configured_with_the_least_that_lets_every_legal_request_through():
+    """By hand: 25 K over 79/97 K/J at 25/1.28 W are 1571.7 ms of on-time, 99 % of what the board is given."""
+    nominal = Configuration()
+    assert nominal.tactiles.board_limits() == (200, 12_000, None, None, 1588)
+    assert nominal.brake.board_limits() == (1500, None, 10_000, 1000, 45_000)
+    tables = {
+        "tactiles": {"rise_limit_k": 10, "current_limit_a": 8.5, "contact_pulse_s": 0.00604},
+        "brake": {"max_amplitude_v": 612.5, "max_frequency_hz": 40.0, "ttl_s": 0.0305, "max_charge_c": 3e-6},
+    }
+    lowered = check_configuration(tables, "glove.toml")
+    assert lowered.tactiles.contact_pulse_s == 0.00605  # what is booked is what plays, in units of 50 us
+    assert lowered.tactiles.board_limits() == (121, 8500, None, None, 636)
+    assert lowered.brake.board_limits() == (612, None, 400, 1000, 3000)
+
+
+def test_pulses_of_three_milliseconds_stay_legal_whatever_a_contact_takes():
+    assert check_configuration({"tactiles": {"contact_pulse_s": 0.001}}, "glove.toml").tactiles.board_limits()[0] == 60
+
+
+def test_a_calibration_counts_with_three_of_its_standard_deviations_and_what_it_lacks_at_its_worst():
+    own = {"tau_s": 100.0, "tau_sd_s": 1.0, "c_k_per_w": 70.0, "c_sd_k_per_w": 0.7, "power_w": 18.0, "power_sd_w": 0.0}
+    tables = {"tactiles": {"calibration": {"index_tip": own, "thumb_tip": {"tau_s": 100.0}}}}
+    tactiles = check_configuration(tables, "glove.toml").tactiles
+    index, thumb, other = (tactiles.coil_heat(site) for site in ("index_tip", "thumb_tip", "palm_outer"))
+    assert index.jump_k_per_s == pytest.approx(70 * 1.03 * 18 / 97)  # 3 sd of 1 % in c, of 1 s in tau
+    assert (index.parameters.tau_s, index.power_w) == (103.0, 18.0)
+    assert thumb.jump_k_per_s == pytest.approx(79 * (25 / 1.28) / 100)
+    assert thumb.parameters.tau_s == 100.0
+    assert other.jump_k_per_s == pytest.approx(79 * (25 / 1.28) / 97)
+    assert other.parameters.tau_s == 107.0
 
 
 def test_calibration_of_a_site_that_is_not_there_is_refused():
@@ -76,3 +119,15 @@ def test_a_file_that_is_not_toml_is_refused_with_its_place(tmp_path):
     path.write_text("side = \n")
     with pytest.raises(InputError, match="line 1"):
         load_configuration(path)
+
+
+@pytest.mark.parametrize("part", ["tactiles", "brake"])
+@pytest.mark.parametrize("url", ["spy://sim://tactiles?file={victim}", "alt://x?class=y", "socket://host", "hwgrep://", ""])
+def test_a_port_of_a_kind_that_is_not_opened_is_refused_in_a_file(tmp_path, part, url):
+    victim = tmp_path / "victim"
+    victim.write_text("mine")
+    file = tmp_path / "glove.toml"
+    file.write_text(f'[{part}]\nport = "{url.format(victim=victim)}"\n')
+    with pytest.raises(InputError, match=f"{part}.port"):
+        load_configuration(file)
+    assert victim.read_text() == "mine"

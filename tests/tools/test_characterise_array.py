@@ -64,11 +64,12 @@ def felt_and_believed(config: Path, site: str, channel: int) -> tuple[float, flo
         return plant.truth()["rise_k"][channel], believed_k
 
 
-def test_a_calibrated_budget_is_nearer_to_the_plant_than_the_published_one(calibrated, tmp_path):
+def test_a_calibrated_budget_is_nearer_to_the_plant_than_one_without_and_not_below_it(calibrated, tmp_path):
     (tmp_path / "published.toml").write_text(BASE, encoding="utf-8")
     felt_k, believed_k = felt_and_believed(calibrated, "index_tip", 1)
     _, before_k = felt_and_believed(tmp_path / "published.toml", "index_tip", 1)
-    assert abs(believed_k - felt_k) < 0.02 * felt_k  # gain of thermocouple and power: 0.5 %, at four standard deviations
+    # Three standard deviations of gain, power and fit above what was measured, which may itself be as much off.
+    assert felt_k <= believed_k < 1.03 * felt_k
     assert abs(before_k - felt_k) > 2.0 * abs(believed_k - felt_k)
 
 
@@ -80,6 +81,10 @@ def test_what_was_not_measured_stays_as_it_was(calibrated):
     assert (found.side, found.tactiles.rise_limit_k) == ("right", 30.0)
     assert set(found.tactiles.calibration) == {"thumb_tip", "index_tip", "palm_outer"}
     assert found.tactiles.calibration["thumb_tip"].tau_s == 99.0
+    own = found.tactiles.calibration["index_tip"]
+    assert 0 < own.tau_sd_s < 1
+    assert 0.004 < own.c_sd_k_per_w / own.c_k_per_w < 0.01  # at least the thermocouple's gain
+    assert own.power_sd_w == pytest.approx(0.003 * own.power_w, abs=1e-3)
 
 
 def test_a_site_without_an_actuator_is_refused(tmp_path):

@@ -67,6 +67,8 @@ int main(void)
     uart_start();
     senses_start();
     struct settings settings;
+    if (reset_cause & (_BV(PORF) | _BV(BORF)))
+        store_forget_heat();
     store_settings(&settings);
     board_start(b, &settings, store_boot_id(), reset_cause & _BV(BORF));
     set_sleep_mode(SLEEP_MODE_IDLE);

@@ -21,7 +21,7 @@
 const char port_build[8] = "avr-brk1";
 
 const struct settings wiring_built_settings = {
-    .limits = {UINT16_MAX, UINT16_MAX, UINT16_MAX, UINT16_MAX},
+    .limits = {UINT16_MAX, UINT16_MAX, UINT16_MAX, UINT16_MAX, UINT16_MAX},
     .nominal_pf = NOMINAL_PF,
 };
 

@@ -11,7 +11,7 @@
 
 const char port_build[8] = "avr-tac1";
 
-const struct settings wiring_built_settings = {.limits = {UINT16_MAX, UINT16_MAX, UINT16_MAX, 0}};
+const struct settings wiring_built_settings = {.limits = {UINT16_MAX, UINT16_MAX, UINT16_MAX, 0, UINT16_MAX}};
 
 const uint16_t wiring_ahead = 400; /* 200 us: four edges */
 const bool wiring_waits = false;   /* nothing is judged by the microsecond */

@@ -16,11 +16,17 @@
 
 #define NO_SUCH_MESSAGE 0xffu
 
+/* Telemetry ends with these on both boards. */
+#define FROM_END_LATE 4u
+#define FROM_END_BAD_FRAMES 2u
+
 #if AT_TACTILES_TELEMETRY_STATE != AT_BRAKE_TELEMETRY_STATE || \
     AT_TACTILES_TELEMETRY_FAULTS != AT_BRAKE_TELEMETRY_FAULTS || \
-    AT_TACTILES_TELEMETRY_LATE != AT_BRAKE_TELEMETRY_LATE || \
-    AT_TACTILES_TELEMETRY_BAD_FRAMES != AT_BRAKE_TELEMETRY_BAD_FRAMES || \
-    TACTILES_TELEMETRY_SIZE != BRAKE_TELEMETRY_SIZE
+    TACTILES_TELEMETRY_SIZE - AT_TACTILES_TELEMETRY_LATE != FROM_END_LATE || \
+    BRAKE_TELEMETRY_SIZE - AT_BRAKE_TELEMETRY_LATE != FROM_END_LATE || \
+    TACTILES_TELEMETRY_SIZE - AT_TACTILES_TELEMETRY_BAD_FRAMES != FROM_END_BAD_FRAMES || \
+    BRAKE_TELEMETRY_SIZE - AT_BRAKE_TELEMETRY_BAD_FRAMES != FROM_END_BAD_FRAMES || \
+    TACTILES_TELEMETRY_SIZE < BRAKE_TELEMETRY_SIZE
 #error "the telemetry of both boards is filled in by the same code"
 #endif
 
@@ -56,7 +62,7 @@ void board_start(struct board *b, const struct settings *settings, uint32_t boot
 {
     b->boot_id = boot_id;
     b->faults = brown_out ? 1u << FAULT_BROWN_OUT : 0;
-    for (uint8_t i = 0; i < 4; i++) {
+    for (uint8_t i = 0; i < LIMITS; i++) {
         b->limits[i] = b->kind->limits[i];
         if (!looser(b, i, settings->limits[i]))
             b->limits[i] = settings->limits[i];
@@ -133,13 +139,13 @@ static uint8_t configure(struct board *b, const uint8_t *limits, uint16_t *detai
 {
     if (b->armed)
         return STATUS_INTERLOCK;
-    for (uint8_t i = 0; i < 4; i++) {
+    for (uint8_t i = 0; i < LIMITS; i++) {
         if (looser(b, i, get_u16(limits + 2 * i))) {
             *detail = 0; /* the field */
             return STATUS_BAD_VALUE;
         }
     }
-    for (uint8_t i = 0; i < 4; i++)
+    for (uint8_t i = 0; i < LIMITS; i++)
         b->limits[i] = get_u16(limits + 2 * i);
     return STATUS_OK;
 }
@@ -210,7 +216,7 @@ static void identify(struct board *b, uint8_t seq)
     put_u32(payload + AT_IDENTITY_BOOT_ID, b->boot_id);
     memcpy(payload + AT_IDENTITY_BUILD, port_build, sizeof port_build);
     put_u16(payload + AT_IDENTITY_DEAD_MAN, DEAD_MAN_MS);
-    for (uint8_t i = 0; i < 4; i++)
+    for (uint8_t i = 0; i < LIMITS; i++)
         put_u16(payload + AT_IDENTITY_LIMITS + 2 * i, b->limits[i]);
     send(b, frame, MESSAGE_IDENTITY, seq, IDENTITY_SIZE);
     if (!b->identified)
@@ -328,11 +334,11 @@ static void send_telemetry(struct board *b, uint32_t now)
     put_u32(payload + AT_TACTILES_TELEMETRY_TIME, now);
     payload[AT_TACTILES_TELEMETRY_STATE] = b->state;
     put_u16(payload + AT_TACTILES_TELEMETRY_FAULTS, b->faults);
-    put_u16(payload + AT_TACTILES_TELEMETRY_LATE, b->late);
-    put_u16(payload + AT_TACTILES_TELEMETRY_BAD_FRAMES, b->deframer.bad_frames);
+    put_u16(payload + b->kind->telemetry_size - FROM_END_LATE, b->late);
+    put_u16(payload + b->kind->telemetry_size - FROM_END_BAD_FRAMES, b->deframer.bad_frames);
     b->kind->fill_telemetry(b, payload);
     uint32_t begun = port_now(b);
-    send(b, frame, b->kind->telemetry, 0, TACTILES_TELEMETRY_SIZE);
+    send(b, frame, b->kind->telemetry, 0, b->kind->telemetry_size);
     uint32_t next = begun + (port_uplink_free(b) - begun) * 5 / 2;
     b->telemetry_due += TELEMETRY_TICKS;
     if (before(b->telemetry_due, next))

@@ -9,8 +9,8 @@
 
 /* What a lab may set without building anew; limits only ever stricter than the built ones (board_start sees to it). */
 struct settings {
-    uint16_t limits[4];  /* in the order of identity.limits */
-    uint16_t nominal_pf; /* brake: capacitance of a sound brake; tactiles: unused */
+    uint16_t limits[LIMITS]; /* in the order of identity.limits */
+    uint16_t nominal_pf;     /* brake: capacitance of a sound brake; tactiles: unused */
 };
 
 struct board; /* common part, the first member of struct tactiles and struct brake */

@@ -19,8 +19,9 @@ struct board_kind {
     uint8_t number;    /* identity.board */
     uint8_t channels;
     uint8_t telemetry; /* its message type */
+    uint8_t telemetry_size;
     uint8_t greater_is_stricter; /* bit i: of limits[i] the greater value is the stricter one */
-    uint16_t limits[4];          /* as built, in the order of identity.limits */
+    uint16_t limits[LIMITS];     /* as built, in the order of identity.limits */
     struct own_command own[2];
 
     /* Power-on: outputs off, queue empty. The common part is set up already, limits included. */
@@ -66,7 +67,7 @@ struct board {
     uint32_t dealt;         /* when the command in hand was dealt with: reply.time */
     uint32_t heard;         /* when the last valid frame came; has a meaning only while armed */
     uint32_t telemetry_due; /* has a meaning only once identified */
-    uint16_t limits[4];
+    uint16_t limits[LIMITS];
     uint16_t faults;        /* latched, a bit each */
     uint16_t late;          /* commands that came too late, wrapping */
     uint8_t state;          /* set by board_set_state only */

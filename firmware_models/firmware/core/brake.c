@@ -8,7 +8,7 @@
 #define IDLE_TICKS (5 * TICKS_PER_MS)  /* between looks while armed and at rest */
 #define EMPTYING_TICKS 500u            /* between looks at what discharges */
 
-enum { LIMIT_VOLTS, LIMIT_CURRENT, LIMIT_FREQUENCY, LIMIT_TTL };
+enum { LIMIT_VOLTS, LIMIT_CURRENT, LIMIT_FREQUENCY, LIMIT_TTL, LIMIT_CHARGE };
 
 static struct brake *brake_of(struct board *b)
 {
@@ -49,7 +49,7 @@ static uint8_t check_drive(const struct brake *k, const struct drive *d, uint16_
     if (d->amplitude > limits[LIMIT_VOLTS])
         return bad_value(detail, 2);
     uint32_t charge = charge_pc(k, d);
-    if (charge > MOST_CHARGE_PC)
+    if (charge > UINT32_C(1000) * limits[LIMIT_CHARGE])
         return bad_value(detail, 2);
     /* I / (2 C V), in 0.1 Hz. */
     if (d->frequency < LEAST_DHZ || d->frequency > limits[LIMIT_FREQUENCY] ||
@@ -231,8 +231,9 @@ static const struct board_kind brake_kind = {
     .number = BOARD_BRAKE,
     .channels = BRAKE_CHANNELS,
     .telemetry = MESSAGE_BRAKE_TELEMETRY,
+    .telemetry_size = BRAKE_TELEMETRY_SIZE,
     .greater_is_stricter = 0,
-    .limits = {GREATEST_V, SUPPLY_CURRENT_UA, GREATEST_DHZ, LONGEST_TTL_MS},
+    .limits = {GREATEST_V, SUPPLY_CURRENT_UA, GREATEST_DHZ, LONGEST_TTL_MS, STORED_CHARGE_NC},
     .own = {{MESSAGE_DRIVE, DRIVE_SIZE}, {MESSAGE_PIEZO, PIEZO_SIZE}},
     .start = start,
     .arm = arm,

@@ -18,6 +18,11 @@
 #define COILS_AT_ONCE 3u /* coil current over the worst coil's */
 #define PULSE_QUEUE 64u /* pulses: a setting */
 #define LEAST_SUPPLY_MV 3000u /* mV: a setting */
+#define ON_TIME_MS 2500u /* ms: of account: 30.4 K on a nominal tactor, docs/reference/protocol.md */
+#define HEAT_SHIFT 12u /* an account loses 2^-12 of itself each */
+#define HEAT_STEP_TICKS UINT32_C(49811) /* ticks: a time constant of 102 s, thesis 3.5.2 */
+#define WARM_MS 100u /* ms: of account, more than which is noted, docs/reference/protocol.md */
+#define COOLED_MS 50u /* ms: of account, less than which the note is taken back: a setting */
 #define NO_CURRENT_MA 200u /* mA: a coil draws 3400 or more, the sense resolves 64 */
 #define COIL_CURRENT_TICKS UINT32_C(4000) /* ticks: 2 ms, docs/reference/protocol.md */
 
@@ -35,7 +40,7 @@
 #define OUTPUT_OHM 20000u /* ohm: optocouplers and wiring, assumed */
 #define LONGEST_CLAMP_TICKS UINT32_C(2000) /* ticks: 1 ms, docs/reference/protocol.md */
 #define RESTART_TICKS UINT32_C(4000) /* ticks: 2 ms shorted before another wave, docs/reference/protocol.md */
-#define MOST_CHARGE_PC UINT32_C(45000000) /* pC: 45 uC, docs/reference/protocol.md */
+#define STORED_CHARGE_NC 45000u /* nC: 45 uC, docs/reference/protocol.md */
 #define OVER_VOLTAGE_PERCENT 5u /* % above the setpoint: docs/reference/protocol.md */
 #define OVER_CURRENT_UA 550u /* uA: docs/reference/protocol.md */
 #define OVER_CURRENT_TICKS UINT32_C(2000) /* ticks: 1 ms, docs/reference/protocol.md */

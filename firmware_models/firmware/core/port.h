@@ -8,6 +8,7 @@
 #include <stdint.h>
 
 struct board;
+struct coil_heat;
 
 /* The clock now. */
 uint32_t port_now(struct board *b);
@@ -38,6 +39,14 @@ uint16_t port_convert(struct board *b, uint8_t input);
 
 /* The lid is closed. A board without a lid says true. */
 bool port_interlock_closed(struct board *b);
+
+/* Coil board: memory that a reset leaves as it was, and in which a loss of power leaves anything; one for each
+ * coil. */
+struct coil_heat *port_heat(struct board *b);
+
+/* Coil board: notes (coil_heat.h) that are kept without power; a new board has none. Main loop only. */
+uint8_t port_notes(struct board *b);
+void port_note(struct board *b, uint8_t note, bool holds);
 
 /* Shows state and fault mask to a debugger. */
 void port_show(struct board *b, uint8_t state, uint16_t faults);

@@ -6,12 +6,14 @@
 #include <stdint.h>
 
 #define PROTOCOL_VERSION 1u
-#define SCHEMA_HASH UINT32_C(1761668776) /* of the table, checked in the handshake */
+#define SCHEMA_HASH UINT32_C(1057489477) /* of the table, checked in the handshake */
 #define TICK_HZ UINT32_C(2000000) /* Hz */
 #define TICKS_PER_MS UINT32_C(2000) /* ticks */
 #define DURATION_TICKS UINT32_C(100) /* ticks: unit of a pulse's duration */
 #define COIL_CHANNELS 15u
 #define BRAKE_CHANNELS 5u
+#define LIMITS 5u /* of identity and configure */
+#define HEAT_UNIT_MS 20u /* ms: of a coil's on-time account, in telemetry */
 #define MAX_PAYLOAD 64u /* bytes */
 #define LONGEST_HOST_PAYLOAD 23u /* bytes: of those a host sends */
 #define REMEMBERED_REPLIES 16u
@@ -30,6 +32,7 @@ enum { /* status */
     STATUS_UNKNOWN = 5,
     STATUS_INTERLOCK = 6,
     STATUS_BAD_VALUE = 7,
+    STATUS_HOT = 8,
 };
 
 enum { /* state */
@@ -67,8 +70,8 @@ enum { /* fault */
 
 /* host: configure */
 #define MESSAGE_CONFIGURE 0x03u
-#define CONFIGURE_SIZE 8u
-#define AT_CONFIGURE_LIMITS 0u /* u16 x 4 */
+#define CONFIGURE_SIZE 10u
+#define AT_CONFIGURE_LIMITS 0u /* u16 x 5 */
 
 /* host: arm */
 #define MESSAGE_ARM 0x04u
@@ -118,7 +121,7 @@ enum { /* fault */
 
 /* board: identity */
 #define MESSAGE_IDENTITY 0x81u
-#define IDENTITY_SIZE 33u
+#define IDENTITY_SIZE 35u
 #define AT_IDENTITY_PROTOCOL 0u /* u8 */
 #define AT_IDENTITY_BOARD 1u /* u8 */
 #define AT_IDENTITY_CHANNELS 2u /* u8 */
@@ -127,7 +130,7 @@ enum { /* fault */
 #define AT_IDENTITY_BOOT_ID 11u /* u32 */
 #define AT_IDENTITY_BUILD 15u /* char x 8 */
 #define AT_IDENTITY_DEAD_MAN 23u /* u16, ms */
-#define AT_IDENTITY_LIMITS 25u /* u16 x 4 */
+#define AT_IDENTITY_LIMITS 25u /* u16 x 5 */
 
 /* board: sync_reply */
 #define MESSAGE_SYNC_REPLY 0x82u
@@ -145,16 +148,17 @@ enum { /* fault */
 
 /* board: tactiles_telemetry */
 #define MESSAGE_TACTILES_TELEMETRY 0xa0u
-#define TACTILES_TELEMETRY_SIZE 47u
+#define TACTILES_TELEMETRY_SIZE 62u
 #define AT_TACTILES_TELEMETRY_TIME 0u /* u32, tick */
 #define AT_TACTILES_TELEMETRY_STATE 4u /* u8 */
 #define AT_TACTILES_TELEMETRY_FAULTS 5u /* u16, mask */
 #define AT_TACTILES_TELEMETRY_PLAYED 7u /* u16 x 15, pulses begun */
-#define AT_TACTILES_TELEMETRY_SUPPLY 37u /* u16, mV */
-#define AT_TACTILES_TELEMETRY_CURRENT 39u /* u16, mA */
-#define AT_TACTILES_TELEMETRY_QUEUED 41u /* u16, pulses */
-#define AT_TACTILES_TELEMETRY_LATE 43u /* u16, commands */
-#define AT_TACTILES_TELEMETRY_BAD_FRAMES 45u /* u16, frames */
+#define AT_TACTILES_TELEMETRY_HEAT 37u /* u8 x 15, 20 ms of on-time account */
+#define AT_TACTILES_TELEMETRY_SUPPLY 52u /* u16, mV */
+#define AT_TACTILES_TELEMETRY_CURRENT 54u /* u16, mA */
+#define AT_TACTILES_TELEMETRY_QUEUED 56u /* u16, pulses */
+#define AT_TACTILES_TELEMETRY_LATE 58u /* u16, commands */
+#define AT_TACTILES_TELEMETRY_BAD_FRAMES 60u /* u16, frames */
 
 /* board: brake_telemetry */
 #define MESSAGE_BRAKE_TELEMETRY 0xa1u

@@ -113,6 +113,7 @@ static void edge(struct board *b, uint32_t due)
         on->end = due + length_of(p->duration);
         on->coil = coil_of(p);
         line->played[p->coil & CHANNEL]++;
+        line->to_play[p->coil & CHANNEL] = (uint16_t)(line->to_play[p->coil & CHANNEL] - p->duration);
         p->coil |= GONE;
         line->head = p->next;
         line->waiting--;
@@ -227,6 +228,46 @@ static uint8_t fit(struct tactiles *t, struct request *r, uint16_t *detail)
     return taken || crowded ? STATUS_FULL : STATUS_OK;
 }
 
+static void note(struct tactiles *t, uint8_t note, bool holds)
+{
+    if (holds == ((t->notes & note) != 0))
+        return;
+    t->notes ^= note;
+    port_note(&t->board, note, holds);
+}
+
+/* The request's coils whose accounts have no room for it. */
+static uint16_t hot(struct tactiles *t, const struct request *r)
+{
+    const struct coil_heat *heat = port_heat(&t->board);
+    uint16_t coils = 0;
+    for (uint8_t channel = 0; channel < COIL_CHANNELS; channel++) {
+        if ((r->channels & bits[channel]) && heat_exceeds(&heat[channel], r->durations[channel], t->board.limits[4]))
+            coils |= bits[channel];
+    }
+    return coils;
+}
+
+static void charge(struct tactiles *t, uint8_t channel, uint16_t durations, uint32_t now)
+{
+    struct coil_heat *heat = &port_heat(&t->board)[channel];
+    if (!t->cooling)
+        t->cool_due = now + HEAT_STEP_TICKS;
+    t->cooling = true;
+    heat_charge(heat, durations);
+    note(t, NOTE_USED, true);
+    if (heat->on_time > heat_of_ms(WARM_MS))
+        note(t, NOTE_WARM, true);
+}
+
+static void charge_request(struct tactiles *t, const struct request *r)
+{
+    for (uint8_t channel = 0; channel < COIL_CHANNELS; channel++) {
+        if (r->channels & bits[channel])
+            charge(t, channel, r->durations[channel], t->board.dealt);
+    }
+}
+
 /* Links the request's pulses into the list if they are still in time. */
 static uint8_t link_in(struct tactiles *t, const struct request *r, uint16_t *detail)
 {
@@ -238,6 +279,10 @@ static uint8_t link_in(struct tactiles *t, const struct request *r, uint16_t *de
         line->pulses[r->last].next = *link;
         *link = r->first;
         line->waiting = (uint8_t)(line->waiting + r->count);
+        for (uint8_t i = r->first, n = r->count; n > 0; n--, i = line->pulses[i].next) {
+            uint16_t *to_play = &line->to_play[line->pulses[i].coil & CHANNEL];
+            *to_play = (uint16_t)(*to_play + line->pulses[i].duration);
+        }
         if (!line->prepared || !before(line->due, r->start))
             prepare_next(t);
     }
@@ -280,9 +325,13 @@ static uint8_t pulse(struct tactiles *t, const uint8_t *payload, uint16_t *detai
         return STATUS_FULL;
     fill(t, &r);
     status = fit(t, &r, detail);
+    if (status == STATUS_OK && (*detail = hot(t, &r)) != 0)
+        status = STATUS_HOT;
     if (status == STATUS_OK)
         status = link_in(t, &r, detail);
-    if (status != STATUS_OK)
+    if (status == STATUS_OK)
+        charge_request(t, &r);
+    else
         forget(&t->timeline, &r);
     return status;
 }
@@ -301,6 +350,8 @@ static uint8_t cancel(struct tactiles *t, uint16_t channels, uint16_t *detail)
             p->coil |= GONE;
             line->waiting--;
             (*detail)++;
+            line->to_play[p->coil & CHANNEL] = (uint16_t)(line->to_play[p->coil & CHANNEL] - p->duration);
+            heat_refund(&port_heat(&t->board)[p->coil & CHANNEL], p->duration);
             if (p->start == line->due)
                 prepare_next(t);
         } else {
@@ -318,6 +369,17 @@ static uint8_t command(struct board *b, uint8_t type, const uint8_t *payload, ui
     return cancel(coils_of(b), get_u16(payload + AT_CANCEL_CHANNELS), detail);
 }
 
+/* Nothing waits any more: what was charged for it is given back. */
+static void refund_all(struct tactiles *t)
+{
+    uint16_t *to_play = t->timeline.to_play;
+    for (uint8_t channel = 0; channel < COIL_CHANNELS; channel++) {
+        if (to_play[channel])
+            heat_refund(&port_heat(&t->board)[channel], to_play[channel]);
+        to_play[channel] = 0;
+    }
+}
+
 static uint8_t make_safe(struct board *b, uint32_t now)
 {
     struct timeline *line = &coils_of(b)->timeline;
@@ -332,12 +394,18 @@ static uint8_t make_safe(struct board *b, uint32_t now)
     port_unlock(b, key);
     for (uint8_t i = 0; i < PULSE_QUEUE; i++)
         line->pulses[i].coil = GONE;
+    refund_all(coils_of(b));
     return STATE_DISARMED;
 }
 
 static void start(struct board *b, const struct settings *settings)
 {
+    struct tactiles *t = coils_of(b);
     (void)settings;
+    t->notes = port_notes(b);
+    heat_start(port_heat(b), t->notes, b->limits[4]);
+    t->cool_due = port_now(b) + HEAT_STEP_TICKS;
+    t->cooling = true;
     make_safe(b, 0);
 }
 
@@ -358,6 +426,12 @@ static uint8_t arm(struct board *b, uint32_t now, uint16_t *detail)
         *detail = 1u << FAULT_SUPPLY;
         return STATUS_INTERLOCK;
     }
+    for (uint8_t channel = 0; channel < COIL_CHANNELS; channel++) {
+        if (port_heat(b)[channel].on_time > heat_of_ms(ON_TIME_MS))
+            *detail |= bits[channel];
+    }
+    if (*detail)
+        return STATUS_HOT;
     t->allowed_on = (uint8_t)(b->limits[1] / WORST_COIL_MA);
     t->excess = t->stray = false;
     t->look_due = now + LOOK_TICKS;
@@ -382,6 +456,14 @@ static bool lasts(bool holds, bool *held, uint32_t *since, uint32_t now, uint32_
     return holds && now - *since >= least;
 }
 
+/* Current that no command explains has flowed for so long, and it may have been any coil's. Latches the fault. */
+static void unasked(struct tactiles *t, uint8_t fault, uint16_t current, uint32_t ticks, uint32_t now)
+{
+    board_latch(&t->board, fault, NO_CHANNEL, current);
+    for (uint8_t channel = 0; channel < COIL_CHANNELS; channel++)
+        charge(t, channel, (uint16_t)(ticks / DURATION_TICKS), now);
+}
+
 /* Supply and current against what they may be. A coil that has just gone off may still be in the reading, hence
  * `most`. */
 static void look(struct tactiles *t, uint32_t now)
@@ -403,14 +485,31 @@ static void look(struct tactiles *t, uint32_t now)
     if (supply < b->limits[3])
         board_latch(b, FAULT_SUPPLY, NO_CHANNEL, supply);
     else if (lasts(excess, &t->excess, &t->excess_since, now, COIL_CURRENT_TICKS))
-        board_latch(b, FAULT_COIL_CURRENT, NO_CHANNEL, current);
+        unasked(t, FAULT_COIL_CURRENT, current, COIL_CURRENT_TICKS + 2 * LOOK_TICKS, now);
     else if (lasts(stray, &t->stray, &t->stray_since, now, longest))
-        board_latch(b, FAULT_COIL_ON_TIME, NO_CHANNEL, current);
+        unasked(t, FAULT_COIL_ON_TIME, current, longest + 2 * LOOK_TICKS, now);
+}
+
+/* One step of the accounts' decay. The note of warmth is taken back well below where it is made: an EEPROM's cell
+ * stands 100,000 changes. */
+static void cool(struct tactiles *t)
+{
+    uint16_t waiting[COIL_CHANNELS];
+    uint8_t key = port_lock(&t->board);
+    memcpy(waiting, t->timeline.to_play, sizeof waiting);
+    port_unlock(&t->board, key);
+    uint32_t most = heat_decay(port_heat(&t->board), waiting);
+    t->cooling = most != 0;
+    t->cool_due += HEAT_STEP_TICKS;
+    if (most < heat_of_ms(COOLED_MS))
+        note(t, NOTE_WARM, false);
 }
 
 static void poll(struct board *b, uint32_t now)
 {
     struct tactiles *t = coils_of(b);
+    while (t->cooling && !before(now, t->cool_due))
+        cool(t);
     if (!b->armed || before(now, t->look_due))
         return;
     t->look_due = now + LOOK_TICKS;
@@ -419,7 +518,10 @@ static void poll(struct board *b, uint32_t now)
 
 static uint32_t idle_ticks(struct board *b, uint32_t now)
 {
-    return b->armed ? ticks_until(coils_of(b)->look_due, now) : FOREVER;
+    const struct tactiles *t = coils_of(b);
+    uint32_t idle = b->armed ? ticks_until(t->look_due, now) : FOREVER;
+    uint32_t left = t->cooling ? ticks_until(t->cool_due, now) : FOREVER;
+    return left < idle ? left : idle;
 }
 
 static void fill_telemetry(struct board *b, uint8_t *payload)
@@ -430,6 +532,7 @@ static void fill_telemetry(struct board *b, uint8_t *payload)
         uint16_t played = line->played[channel];
         port_unlock(b, key);
         put_u16(payload + AT_TACTILES_TELEMETRY_PLAYED + 2 * channel, played);
+        payload[AT_TACTILES_TELEMETRY_HEAT + channel] = heat_units(&port_heat(b)[channel]);
     }
     put_u16(payload + AT_TACTILES_TELEMETRY_SUPPLY, supply_mv(b));
     put_u16(payload + AT_TACTILES_TELEMETRY_CURRENT, current_ma(b));
@@ -440,8 +543,9 @@ static const struct board_kind tactiles_kind = {
     .number = BOARD_TACTILES,
     .channels = COIL_CHANNELS,
     .telemetry = MESSAGE_TACTILES_TELEMETRY,
+    .telemetry_size = TACTILES_TELEMETRY_SIZE,
     .greater_is_stricter = 1u << 3,
-    .limits = {LONGEST_PULSE, COIL_CURRENT_MA, PULSE_QUEUE, LEAST_SUPPLY_MV},
+    .limits = {LONGEST_PULSE, COIL_CURRENT_MA, PULSE_QUEUE, LEAST_SUPPLY_MV, ON_TIME_MS},
     .own = {{MESSAGE_PULSE, PULSE_SIZE}, {MESSAGE_CANCEL, CANCEL_SIZE}},
     .start = start,
     .arm = arm,

@@ -3,6 +3,7 @@
 #define TACTILES_H
 
 #include "board_impl.h"
+#include "coil_heat.h"
 
 /* One coil's pulse that waits, in a list ordered by `start`. */
 struct pulse {
@@ -38,6 +39,7 @@ struct timeline {
     uint8_t waiting; /* how many do */
     struct pulse pulses[PULSE_QUEUE];
     uint16_t played[COIL_CHANNELS]; /* pulses begun, wrapping */
+    uint16_t to_play[COIL_CHANNELS]; /* on-time of those that wait, 50 us */
 };
 
 struct tactiles {
@@ -49,6 +51,9 @@ struct tactiles {
     uint8_t allowed_on; /* coils that the current limit carries */
     bool excess;        /* since `excess_since`: more current than coils can draw, or than the limit */
     bool stray;         /* since `stray_since`: current though no coil is on */
+    uint32_t cool_due;  /* next step of the accounts' decay; has a meaning only while `cooling` */
+    bool cooling;       /* some account may not be empty */
+    uint8_t notes;      /* as kept without power */
     uint32_t look_due;  /* next look at the senses */
     uint32_t excess_since;
     uint32_t stray_since;

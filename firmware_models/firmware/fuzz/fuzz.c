@@ -200,6 +200,7 @@ static uint8_t ask(uint8_t type, const uint8_t *payload, size_t count) {
 }
 
 void play(const struct oracle *of, const uint8_t *bytes, size_t size) {
+    struct host_memory memory = {.notes = 0};
     static const struct host_calls calls = {on_transmit, on_busy, on_outputs, on_convert, on_interlock};
     struct input in = {bytes, size};
     uint8_t wire[LONGEST_FRAME + 64];
@@ -209,7 +210,7 @@ void play(const struct oracle *of, const uint8_t *bytes, size_t size) {
     configured = false;
     partial_length = answer_length = answer_growing = 0;
     oracle->reset();
-    host = host_new(oracle->board, &oracle->settings, BOOT_ID, 0, now, &calls, NULL);
+    host = host_new(oracle->board, &oracle->settings, BOOT_ID, 0, now, &memory, &calls, NULL);
     REQUIRE(host != NULL);
     while (in.left) {
         const uint8_t op = take(&in), low = op & 63;

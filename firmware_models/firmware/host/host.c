@@ -13,6 +13,7 @@ struct host {
         struct tactiles tactiles;
         struct brake brake;
     } device; /* first: the core hands us its board, and this is where it lies */
+    struct host_memory *memory;
     struct host_calls calls;
     void *user;
     uint32_t now;
@@ -98,6 +99,22 @@ bool port_interlock_closed(struct board *b)
     return h->calls.interlock_closed(h->user) != 0;
 }
 
+struct coil_heat *port_heat(struct board *b)
+{
+    return host_of(b)->memory->heat;
+}
+
+uint8_t port_notes(struct board *b)
+{
+    return host_of(b)->memory->notes;
+}
+
+void port_note(struct board *b, uint8_t note, bool holds)
+{
+    struct host_memory *memory = host_of(b)->memory;
+    memory->notes = (uint8_t)(holds ? memory->notes | note : memory->notes & ~note);
+}
+
 /* A debugger sees the board as it is. */
 void port_show(struct board *b, uint8_t state, uint16_t faults)
 {
@@ -135,13 +152,14 @@ static uint32_t until_next(struct host *h)
 }
 
 void *host_new(uint32_t board, const struct settings *settings, uint32_t boot_id, uint32_t brown_out, uint32_t now,
-               const struct host_calls *calls, void *user)
+               struct host_memory *memory, const struct host_calls *calls, void *user)
 {
     if (board != BOARD_TACTILES && board != BOARD_BRAKE)
         return NULL;
     struct host *h = calloc(1, sizeof *h);
     if (!h)
         return NULL;
+    h->memory = memory;
     h->calls = *calls;
     h->user = user;
     h->now = now;

@@ -5,6 +5,7 @@
 #include <stdint.h>
 
 #include "../core/board.h"
+#include "../core/coil_heat.h"
 
 /* What the library asks of its user; called only from within the functions below. */
 struct host_calls {
@@ -15,9 +16,16 @@ struct host_calls {
     uint32_t (*interlock_closed)(void *user);
 };
 
-/* `board`: 1 tactiles, 2 brake. `now`: the clock at power-on. NULL: no memory, or no such board. */
+/* What outlives a boot; all zeros on a new board. A loss of power leaves anything in `heat`. */
+struct host_memory {
+    struct coil_heat heat[COIL_CHANNELS];
+    uint8_t notes;
+};
+
+/* `board`: 1 tactiles, 2 brake. `now`: the clock at power-on. `memory` is the
+ * board's own, and stays the caller's. NULL: no memory, or no such board. */
 void *host_new(uint32_t board, const struct settings *settings, uint32_t boot_id, uint32_t brown_out, uint32_t now,
-               const struct host_calls *calls, void *user);
+               struct host_memory *memory, const struct host_calls *calls, void *user);
 void host_free(void *host);
 
 /* Bytes whose last bit came in at `now`, and whatever they make due. */

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from haptics.errors import InputError, LimitError
+from haptics.errors import LimitError
 from haptics.garments.design.design_job import STORE, DesignJob, put_on, settings_of, slow_notice
 from haptics.garments.design.designs import COVERAGE_TOLERANCE, DesignSequence, DesignStep, DesignStore
 from haptics.garments.design.drawn import SHAPES, DrawnDesign, best_drawn
@@ -19,7 +19,7 @@ from haptics.garments.design.rating import Unconverged, coverage_of, solved
 from haptics.garments.design.topology import DesignInterrupted, Progress, optimise, steps_about
 from haptics.garments.equilibrium.wearing import WornMotion
 from haptics.garments.views.pictures import draw_density, draw_energy, draw_sequence, why_no_pictures
-from haptics.recording.output import refuse_existing, replacing
+from haptics.recording.output import check_outputs, make_folder, refuse_existing, replacing
 
 FILES = (STORE, "sequence.png", "density.png", "garment.png", "design.json")
 Say = Callable[[str], None]
@@ -143,10 +143,8 @@ def run_design(
 
 def _make_room(out: Path, stale: list[Path]) -> None:
     """The folder, without what would show older designs than those that are begun."""
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{out}: no folder can be made there ({error.strerror or error})") from error
+    make_folder(out)
+    check_outputs({name: out / name for name in FILES}, force=True)
     for path in stale:
         path.unlink(missing_ok=True)
 

@@ -11,7 +11,8 @@
     latest/positions_m    (vertices, 3): the last equilibrium, from which the next one starts
       latest/history_j_m2   (triangles,): sensitivities averaged over the past (eq. 5.14)
 
-Each step replaces the file by a whole one. The same sequence gives the same bytes, whether or not it was interrupted.
+Each step replaces the file by a whole one, sealed against damage (:mod:`haptics.recording.seal`). The same sequence gives the
+same bytes, whether or not it was interrupted.
 """
 
 from __future__ import annotations
@@ -25,12 +26,16 @@ from typing import Any
 
 import numpy as np
 
-from haptics.errors import HapticsError, InputError
+from haptics.errors import InputError
 from haptics.garments.design.rating import Densities
 from haptics.garments.mesh import Bools, Floats
+from haptics.recording.hdf5_file import attribute_of, group_at, reading, text_at, values_at, writing
 from haptics.recording.output import replacing
+from haptics.recording.seal import check_seal, seal
 
-LAYOUT = 1
+LAYOUT = 2
+_UNSEALED = 1
+"""The last layout that was written without a seal."""
 COVERAGE_TOLERANCE = 0.003
 """How far a design's coverage may be from the one asked for, as a part of the designable area."""
 _NUMBERS = ("coverage", "energy_j", "density", "density_eq65", "residual_n", "iterations")
@@ -152,11 +157,8 @@ class DesignStore:
         :raises HapticsError: it cannot be written (a full disk); the file is as it was.
         """
         text = _json({**self._settings, **settings})
-        try:
-            with replacing(self.path, force=True) as partial:
-                _write(partial, text, sequence)
-        except OSError as error:
-            raise HapticsError(f"{self.path}: cannot write the designs: {error}") from error
+        with replacing(self.path, force=True) as partial:
+            _write(partial, text, sequence)
 
 
 def read_designs(path: str | os.PathLike[str]) -> tuple[dict[str, Any], DesignSequence]:
@@ -178,9 +180,7 @@ def _json(settings: Mapping[str, Any]) -> str:
 
 
 def _write(path: Path, settings: str, sequence: DesignSequence) -> None:
-    import h5py
-
-    with h5py.File(path, "w") as file:
+    with writing(path) as file:
         file.attrs["creator"] = "haptics"
         file.attrs["coverage"] = sequence.coverage
         file.attrs["complete"] = sequence.complete
@@ -193,6 +193,7 @@ def _write(path: Path, settings: str, sequence: DesignSequence) -> None:
             _put(file, f"{name}/positions_m", reached.positions_m)
             _put(file, f"{name}/history_j_m2", reached.history_j_m2)
         file.attrs["haptics_designs"] = LAYOUT  # last: without it nothing is taken for a design sequence
+    seal(path)
 
 
 def _put(file: Any, name: str, data: Any) -> None:
@@ -200,27 +201,34 @@ def _put(file: Any, name: str, data: Any) -> None:
 
 
 def _read(path: Path) -> tuple[dict[str, Any], DesignSequence]:
-    import h5py
-
+    found = check_seal(path)
+    if found is not None and not found.whole:
+        raise InputError(f"{path} is damaged, or was changed since it was written: {', '.join(found.damage)}")
     try:
-        with h5py.File(path, "r") as file:
-            if file.attrs.get("haptics_designs") != LAYOUT:
-                raise ValueError(f"its layout is {file.attrs.get('haptics_designs')}, known is {LAYOUT}")
+        with reading(path) as file:
+            layout = file.attrs.get("haptics_designs")
+            if layout not in range(1, LAYOUT + 1):
+                raise ValueError(f"its layout is {layout}; allowed: 1 to {LAYOUT}")
+            if found is None and layout > _UNSEALED:
+                raise ValueError("the seal at its end is missing")
             final, latest = (
-                Reached(np.asarray(file[f"{name}/positions_m"]), np.asarray(file[f"{name}/history_j_m2"]))
-                for name in ("final", "latest")
+                Reached(values_at(group, "positions_m"), values_at(group, "history_j_m2"))
+                for group in (group_at(file, "final"), group_at(file, "latest"))
             )
-            count = len(latest.history_j_m2)
-            designs = np.unpackbits(np.asarray(file["steps/design"]), axis=1, count=count).astype(bool)
-            numbers = [np.asarray(file[f"steps/{name}"]).tolist() for name in _NUMBERS]
+            steps = group_at(file, "steps")
+            designs = np.unpackbits(values_at(steps, "design"), axis=1, count=len(latest.history_j_m2)).astype(bool)
+            numbers = [values_at(steps, name).tolist() for name in _NUMBERS]
             sequence = DesignSequence(
                 tuple(DesignStep(design, *row) for design, *row in zip(designs, *numbers, strict=True)),
-                float(np.asarray(file.attrs["coverage"])),
-                Densities(*np.asarray(file["full"]).tolist()),
+                float(attribute_of(file, "coverage", (float, np.floating))),
+                Densities(*values_at(file, "full").tolist()),
                 final,
                 latest,
-                bool(file.attrs["complete"]),
+                bool(attribute_of(file, "complete", np.bool_)),
             )
-            return json.loads(np.asarray(file["settings"]).item().decode()), sequence
-    except (OSError, KeyError, ValueError, TypeError) as error:
+            settings = json.loads(text_at(file, "settings"))
+            if not isinstance(settings, dict):
+                raise ValueError("its settings are no JSON object")
+            return settings, sequence
+    except (AttributeError, LookupError, RecursionError, TypeError, ValueError) as error:
         raise InputError(f"{path}: this is no design sequence, or a damaged one: {error}") from error

@@ -16,8 +16,7 @@ import numpy as np
 from haptics.garments.equilibrium.wearing import MotionEvaluation, WornMotion
 from haptics.garments.mesh import Floats, SurfaceMesh
 from haptics.garments.views.pictures import SKIN, brightest
-from haptics.recording.output import replacing
-from haptics.recording.rerun_library import open_rerun, strict
+from haptics.recording.rerun_library import open_rerun, viewer_file
 
 TIMELINE = "angle_deg"
 LOWEST_COLOUR, HIGHEST_COLOUR = np.array([68.0, 1.0, 84.0]), np.array([253.0, 231.0, 37.0])
@@ -35,12 +34,8 @@ def write_motion_rrd(worn: WornMotion, found: MotionEvaluation, path: Path, forc
     """
     rr = open_rerun()
     identity = hashlib.sha256(np.concatenate([found.angles_deg, *(e.positions_m.ravel() for e in found.equilibria)]).tobytes())
-    with replacing(path, force) as partial, strict(rr):
-        stream = rr.RecordingStream("haptics garment", recording_id=identity.hexdigest()[:32], send_properties=False)
-        stream.save(partial, default_blueprint=_blueprint())
+    with viewer_file(rr, path, force, "haptics garment", identity.hexdigest()[:32], _blueprint) as stream:
         _Writer(rr, stream, worn, found).write()
-        stream.flush()
-        stream.disconnect()
     return path
 
 

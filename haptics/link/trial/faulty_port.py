@@ -14,7 +14,7 @@ from serial import SerialException, SerialTimeoutException
 
 from haptics.errors import InputError
 from haptics.link.framing import DELIMITER
-from haptics.link.ports import BytePort
+from haptics.link.ports import BytePort, read_waiting
 from haptics.link.trial.faults import FrameCutter, FrameFaults, LineFaults
 from haptics.time import seconds_to_ns
 
@@ -72,9 +72,9 @@ class FaultyPort:
     def in_waiting(self) -> int:
         """Bytes that can be read at once."""
         self._check_plugged()
-        waiting = self._port.in_waiting
-        if waiting:
-            self._receive(self._port.read(waiting))
+        came = read_waiting(self._port)
+        if came:
+            self._receive(came)
         self._move()
         return len(self._arrived)
 

@@ -14,7 +14,7 @@ from haptics.link.messages import DEFAULT_BAUD, Board, Fault, State, payload_siz
 from haptics.link.ports import open_port
 from haptics.link.runner import RealtimeRunner, VirtualRunner, connect
 from haptics.link.session import LinkSession
-from haptics.link.settings import LinkCounters
+from haptics.link.settings import FINER_LINE, LinkCounters
 from haptics.link.simulated import SimulatedPort
 from haptics.link.trial.observed import ObservedPort
 from haptics.time import NS_PER_MS, NS_PER_S, seconds_to_ns
@@ -40,6 +40,7 @@ class Who:
     limits: tuple[int, ...]
     clock_skew_ppm: float
     clock_error_bound_us: float
+    line: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,6 +69,7 @@ class Look:
     uplink_share: float
     late_commands: int
     board_bad_frames: int
+    line: str
     counters: LinkCounters
     notes: list[str] = field(default_factory=list[str])
     error: str | None = None
@@ -119,7 +121,23 @@ def _who(runner: RealtimeRunner | VirtualRunner, link: Link, identity: Any) -> W
         limits=identity.limits,
         clock_skew_ppm=fit.skew * 1e6 if fit else float("nan"),
         clock_error_bound_us=fit.error_bound_s(runner.now_ns()) * 1e6 if fit else float("nan"),
+        line=line_in_words(link, runner.now_ns()),
     )
+
+
+def line_in_words(link: Link, now_ns: int) -> str:
+    """Whether commands can be scheduled over this line: by how well the board's clock is known now, and what is needed."""
+    fit, needs = link.clock, link.session.settings
+    if fit is None:
+        return "too coarse to schedule: the board's clock was not measured"
+    known_s = fit.error_bound_s(now_ns)
+    known = f"clock known within {known_s * 1e3:.2g} ms"
+    if known_s > needs.max_error_s:
+        return f"too coarse to schedule: {known}, {needs.max_error_s * 1e3:g} ms needed; {FINER_LINE}"
+    if known_s > needs.exact_error_s:
+        measure = f"{needs.exact_error_s * 1e3:g} ms needed to measure by"
+        return f"coarse: {known}, so commands play that much later ({measure}); {FINER_LINE}"
+    return f"good: {known}"
 
 
 def build_name(identity: Any) -> str:
@@ -208,6 +226,7 @@ class Monitor:
             uplink_share=(counters.bytes_in - self._bytes_before) / line,
             late_commands=last.late if last else 0,
             board_bad_frames=last.bad_frames if last else 0,
+            line=line_in_words(self._link, now_ns),
             counters=counters,
             notes=list(self._notes),
             error=str(error) if error is not None else None,

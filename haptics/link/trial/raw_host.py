@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 from haptics.errors import LinkError
 from haptics.link.clock import signed_ticks
 from haptics.link.messages import BY_NAME, BY_TYPE, OPEN_COMMANDS, TICK_HZ, Board, State, Status, decode, encode, payload_size
-from haptics.link.ports import BytePort, PortErrors
+from haptics.link.ports import BytePort, PortErrors, read_waiting
 from haptics.link.simulated import SimulatedPort, simulated
 from haptics.link.trial.observed import ObservedPort
 from haptics.link.trial.raw_frames import checksum, frame, unstuffed
@@ -20,7 +20,6 @@ from haptics.time import NS_PER_MS
 
 TICKS_PER_MS = TICK_HZ // 1000
 _ANSWERS = ("identity", "sync_reply", "reply")
-_CHUNK = 4096
 _BOOT_MS = 4000.0
 _KEEPALIVE_MS = 30.0
 _SPARE_MS = 40.0  # a real machine needs some milliseconds for a question and its answer
@@ -153,8 +152,8 @@ class RawHost:
             self.port.write(data)
 
     def _read(self) -> None:
-        count = self.port.in_waiting
-        self._buffer += self.port.read(min(count, _CHUNK) if count or self.simulated is not None else 1)
+        came = read_waiting(self.port)
+        self._buffer += came or (b"" if self.simulated is not None else self.port.read(1))
         *pieces, self._buffer = self._buffer.split(b"\0")
         for piece in filter(None, pieces):
             self._hear(piece)
@@ -236,7 +235,17 @@ class RawHost:
             found = self.answers(b"\0" + frame(BY_NAME["identify"].type, 0), wait_ms=100.0)
             if any(one.name == "identity" for one in found):
                 return self.identity
-        raise LinkError(self.name, f"no identity within {_BOOT_MS / 1000:g} s", "identify", "try haptics link identify")
+        raise LinkError(
+            self.name, f"no identity within {_BOOT_MS / 1000:g} s; {self._seen()}", "identify", "try haptics link identify"
+        )
+
+    def _seen(self) -> str:
+        """What came so far, in words."""
+        first = self.strange[0] if self.strange else self._buffer
+        if not self.heard and not first:
+            return "not one byte came"
+        quoted = f", beginning with {first[:32]!r}" if first else ""
+        return f"{len(self.heard)} whole frames of a board came, and {len(self.strange)} that are none{quoted}"
 
     @property
     def board(self) -> Board:

@@ -13,12 +13,13 @@ RULES = Rules()
 _VOLTS, _FREQUENCY_DHZ = 200, 500
 _LOWEST_DHZ = 5
 _PLACES = 8
+_CHARGE_NC, _LITTLE_NC = 45_000, 1000
 
 
 @RULES.rule("drive.values", "A field outside its limit is bad_value, detail its index", BRAKES, arms=True)
 def _drive_values(host: RawHost) -> str:
     mask, channel = armed_brake(host)
-    volts, _, frequency, ttl = host.identity.limits
+    volts, _, frequency, ttl, _ = host.identity.limits
     farad = host.telemetry().capacitance[channel] * 1e-12
     start = host.tick_in(300)
     bad: list[tuple[int, tuple[int, int, int, int]]] = [
@@ -36,6 +37,28 @@ def _drive_values(host: RawHost) -> str:
         host.expect("drive", start, *values, status=Status.BAD_VALUE, detail=index)
     host.expect("drive", start, mask, _VOLTS, _LOWEST_DHZ, ttl)
     return f"{len(bad)} refused by the right field"
+
+
+@RULES.rule(
+    "drive.charge",
+    "A drive that stores more charge than the limit is bad_value 2; the limit may be made stricter",
+    BRAKES,
+    arms=True,
+    simulated=True,
+)
+def _charge(host: RawHost) -> str:
+    limits = list(host.identity.limits)
+    need(limits[4] <= _CHARGE_NC, f"its limit is {limits[4]} nC; allowed: {_CHARGE_NC}")
+    limits[4] = _LITTLE_NC
+    host.expect("configure", limits)
+    host.arm()
+    measured = host.telemetry().capacitance
+    mask = sum(1 << channel for channel, picofarad in enumerate(measured) if picofarad)
+    volts = int(_LITTLE_NC * 1000 / sum(measured))
+    start = host.tick_in(300)
+    host.expect("drive", start, mask, volts - 1, _LOWEST_DHZ, 10)
+    host.expect("drive", start, mask, volts + 2, _LOWEST_DHZ, 10, status=Status.BAD_VALUE, detail=2)
+    return f"on all brakes more than {volts} V refused at {_LITTLE_NC} nC"
 
 
 @RULES.rule(

@@ -6,7 +6,8 @@ from itertools import pairwise
 from typing import Any
 
 from haptics.link.clock import signed_ticks
-from haptics.link.messages import BY_NAME, OPEN_COMMANDS, Status
+from haptics.link.framing import BITS_PER_BYTE, FRAMING_BYTES
+from haptics.link.messages import BY_NAME, OPEN_COMMANDS, Status, payload_size
 from haptics.link.trial.raw_frames import frame
 from haptics.link.trial.raw_host import TICKS_PER_MS, RawHost, need
 from haptics.link.trial.rule import BRAKES, COILS, Rules
@@ -15,7 +16,6 @@ from haptics.time import NS_PER_S
 RULES = Rules()
 
 _PERIOD_TICKS = 20 * TICKS_PER_MS
-_FRAME_BYTES, _BYTE_BITS = 53, 10
 _SHARE = 0.4
 
 
@@ -41,7 +41,8 @@ def _share(host: RawHost) -> str:
     host.flood("disarm", count=40 * OPEN_COMMANDS)
     elapsed_s = (host.now_ns - begun_ns) / NS_PER_S
     baud = getattr(host.port, "baudrate", 500_000)
-    share = len(host.all("telemetry", since)) * _FRAME_BYTES * _BYTE_BITS / baud / elapsed_s
+    frame_bytes = payload_size(f"{host.board.name.lower()}_telemetry") + FRAMING_BYTES
+    share = len(host.all("telemetry", since)) * frame_bytes * BITS_PER_BYTE / baud / elapsed_s
     need(share <= _SHARE, f"{share:.1%} of the line")
     gaps = [signed_ticks(later, earlier) for earlier, later in pairwise(_ticks_of(host, since))]
     need(all(gap >= _PERIOD_TICKS - TICKS_PER_MS for gap in gaps), f"two within {min(gaps, default=0) / 2000:g} ms")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from haptics.link.messages import COIL_CHANNELS, Board, Fault, State, Status
+from haptics.link.messages import COIL_CHANNELS, LIMITS, Board, Fault, State, Status
 from haptics.link.trial.outputs import energise, fitted, need_off, need_state, refused, stays_off
 from haptics.link.trial.raw_host import TICKS_PER_MS, RawHost, need
 from haptics.link.trial.rule import BRAKES, COILS, Rules
@@ -57,7 +57,7 @@ def _disarmed_commands(host: RawHost) -> str:
 def _configure(host: RawHost) -> str:
     limits = list(host.ask("identify").limits)
     host.expect("configure", limits)
-    for index in range(4):
+    for index in range(LIMITS):
         looser = list(limits)
         looser[index] += -1 if (host.board, index) == (Board.TACTILES, 3) else 1
         host.expect("configure", looser, status=Status.BAD_VALUE)

@@ -25,7 +25,7 @@ RULES = Rules()
 GOLDEN = {  # the page's frames of a host, as they are on the wire
     "identify": "02 01 03 9f 16 00",
     "sync": "02 02 02 07 01 01 03 f8 a8 00",
-    "configure": "04 03 01 c8 04 d0 07 20 05 94 11 3a 5c 00",
+    "configure": "04 03 01 c8 04 d0 07 20 07 94 11 c4 09 77 ec 00",
     "arm": "09 04 02 01 ee ff c0 66 cd 00",
     "disarm": "05 05 03 64 43 00",
     "stop": "05 06 04 b3 1d 00",

@@ -16,7 +16,7 @@ from haptics.errors import HapticsError, InputError, LinkError
 from haptics.link.commands import NEVER_NS, Pending
 from haptics.link.connection import Link
 from haptics.link.events import Disarmed, Rebooted, Telemetry
-from haptics.link.messages import BRAKE_CHANNELS, DEFAULT_BAUD, Board, State, Status
+from haptics.link.messages import BRAKE_CHANNELS, COIL_CHANNELS, DEFAULT_BAUD, HEAT_UNIT_MS, Board, State, Status
 from haptics.link.ports import BytePort, open_port
 from haptics.link.runner import RealtimeRunner, VirtualRunner, connect, finish
 from haptics.link.session import LinkSession
@@ -263,7 +263,8 @@ class _Trial:
     def _workload(self) -> CoilCommands | BrakeCommands:
         limits = tuple(self._link.identity.limits)
         if self._link.board == Board.TACTILES:
-            return CoilCommands(limits, self._random)
+            heat = self._telemetry.heat if self._telemetry is not None else [limits[4] // HEAT_UNIT_MS] * COIL_CHANNELS
+            return CoilCommands(limits, self._random, heat, self._runner.now_ns())
         measured = self._telemetry.capacitance if self._telemetry is not None else [0] * BRAKE_CHANNELS
         return BrakeCommands(limits, [channel for channel, one_pf in enumerate(measured) if one_pf], self._random)
 

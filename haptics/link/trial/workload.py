@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from math import exp
 from random import Random
 from typing import Any, NamedTuple
 
-from haptics.link.messages import COIL_CHANNELS, DURATION_UNIT_US
-from haptics.time import NS_PER_MS, NS_PER_US
+from haptics.link.messages import COIL_CHANNELS, DURATION_UNIT_US, HEAT_UNIT_MS
+from haptics.time import NS_PER_MS, NS_PER_S, NS_PER_US
 
 _LEAD_NS = (20 * NS_PER_MS, 60 * NS_PER_MS)
 _APART_NS = NS_PER_MS
@@ -57,18 +59,45 @@ class _Book:
         return [channel for begin, end, what, channel in self._spans if what == kind and begin < last_ns and first_ns < end]
 
 
-class CoilCommands:
-    """Pulses on one to three coils at once, never more coils on than the board's current limit allows.
+class _OnTime:
+    """What coils may still be on for, by the board's account of each (``docs/reference/protocol.md``, Heat of the coils).
 
-    :param limits: the board's, in the order of ``identity.limits``.
+    :param limit_ms: the board's. :param heat: accounts now, as telemetry has them.
+    """
+
+    _TAU_S = 102.0
+    _SHARE = 0.98
+    """Of the limit: board and host charge at other moments, by other clocks."""
+
+    def __init__(self, limit_ms: int, heat: Sequence[int], now_ns: int):
+        self._most_ms, self._at_ns = self._SHARE * limit_ms, now_ns
+        self._accounts_ms = [float(HEAT_UNIT_MS * one) for one in heat]
+
+    def room(self, now_ns: int) -> list[int]:
+        """Of each coil, in 50 us."""
+        kept = exp((self._at_ns - now_ns) / NS_PER_S / self._TAU_S)
+        self._accounts_ms, self._at_ns = [kept * one for one in self._accounts_ms], now_ns
+        return [max(int((self._most_ms - one) * NS_PER_MS / NS_PER_US / DURATION_UNIT_US), 0) for one in self._accounts_ms]
+
+    def charge(self, channel: int, duration: int) -> None:
+        """A pulse, in 50 us; after ``room``."""
+        self._accounts_ms[channel] += duration * DURATION_UNIT_US * NS_PER_US / NS_PER_MS
+
+
+class CoilCommands:
+    """Pulses on one to three coils at once: never more coils on than the board's current limit allows, none for longer than its
+    account of on-time has room for.
+
+    :param limits: the board's, in the order of ``identity.limits``. :param heat: its coils', as telemetry has it now.
     """
 
     every_ns = (2 * NS_PER_MS, 5 * NS_PER_MS)
     """Least and longest time between two commands."""
 
-    def __init__(self, limits: tuple[int, ...], random: Random):
+    def __init__(self, limits: tuple[int, ...], random: Random, heat: Sequence[int] = (0,) * COIL_CHANNELS, now_ns: int = 0):
         self._longest, self._together, self._places = limits[0], limits[1] // _COIL_WORST_MA, limits[2]
         self._random, self._book = random, _Book()
+        self._on_time = _OnTime(limits[4], heat, now_ns)
 
     def next(self, now_ns: int) -> Command | None:
         """A command to be sent now; None if the coils are too busy for any."""
@@ -81,10 +110,15 @@ class CoilCommands:
                 for _ in range(random.randint(1, 3))
             ]
             busy = self._book.meeting(start_ns, start_ns + max(durations) * DURATION_UNIT_US * NS_PER_US, "coil")
-            free = sorted(set(range(COIL_CHANNELS)) - set(busy))
+            room = self._on_time.room(now_ns)
+            free = [channel for channel in range(COIL_CHANNELS) if channel not in busy and room[channel] >= _SHORTEST]
             if len(durations) <= min(self._together - len(busy), len(free)):
-                command = self._pulse(start_ns, random.sample(free, len(durations)), durations)
+                channels = random.sample(free, len(durations))
+                durations = [min(duration, room[channel]) for channel, duration in zip(channels, durations, strict=True)]
+                command = self._pulse(start_ns, channels, durations)
                 self._book.note(command)
+                for channel, duration in zip(channels, durations, strict=True):
+                    self._on_time.charge(channel, duration)
                 return command
         return None
 

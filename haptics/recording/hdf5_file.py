@@ -1,0 +1,213 @@
+"""HDF5 files written so that a full disk is an error like any other, and read so that no damage is more than an error.
+
+HDF5 that cannot write what it holds may crash the process when it closes the file. So it is never shown that: its bytes go to
+the disk by our own hand, the first failure is kept, and raised when HDF5 is done.
+
+What is read is what lies in the file itself: links that lead out of it, data kept in other files and filters from elsewhere
+are refused, not followed.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from haptics.errors import HapticsError, InputError
+
+_FILTERS = {1: "gzip", 2: "shuffle", 3: "fletcher32"}
+DAMAGE = (ArithmeticError, AttributeError, LookupError, MemoryError, OSError, RuntimeError, SystemError, TypeError, ValueError)
+"""What h5py raises where a file is damaged; which of them depends on what it meets first."""
+_LARGEST_RATIO = 1100
+"""gzip packs 1032 bytes into one, at the very best."""
+
+
+class _Sink(io.RawIOBase):
+    """A file that does not fail: after its first failure, kept in ``error``, what is written to it is lost."""
+
+    def __init__(self, file: io.FileIO):
+        self._file = file
+        self.error: OSError | None = None
+
+    def readable(self) -> bool:
+        return True
+
+    def writable(self) -> bool:
+        return True
+
+    def seekable(self) -> bool:
+        return True
+
+    def readinto(self, buffer: Any) -> int:
+        return self._tried(self._file.readinto, buffer) or 0
+
+    def write(self, data: Any) -> int:
+        left = memoryview(data).cast("B")
+        while left and self.error is None:
+            left = left[self._tried(self._file.write, left) or 0 :]
+        return memoryview(data).nbytes
+
+    def seek(self, offset: int, whence: int = 0) -> int:
+        return self._file.seek(offset, whence)
+
+    def tell(self) -> int:
+        return self._file.tell()
+
+    def truncate(self, size: int | None = None) -> int:
+        self._tried(self._file.truncate, size)
+        return size or 0
+
+    def _tried(self, call: Any, argument: Any) -> Any:
+        try:
+            return call(argument)
+        except OSError as error:
+            self.error = self.error or error
+            return None
+
+
+@contextmanager
+def writing(path: Path) -> Iterator[Any]:
+    """A new HDF5 file at ``path``.
+
+    :raises OSError: it cannot be written.
+    """
+    import h5py
+
+    with path.open("w+b", buffering=0) as raw:
+        sink = _Sink(raw)
+        try:
+            with h5py.File(sink, "w") as file:
+                yield file
+        except Exception as error:
+            raise sink.error or error from None
+        if sink.error is not None:
+            raise sink.error
+
+
+@contextmanager
+def reading(path: Path) -> Iterator[Any]:
+    """An HDF5 file that is there.
+
+    :raises InputError: no such file, or whatever goes wrong while it is read.
+    """
+    import h5py
+
+    try:
+        with h5py.File(path, "r") as file:
+            yield file
+    except HapticsError:
+        raise
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file") from None
+    except DAMAGE as error:
+        raise InputError(f"{path} cannot be read as HDF5: {error or type(error).__name__}") from error
+
+
+def group_at(parent: Any, name: str) -> Any:
+    """A group in a group.
+
+    :raises InputError: there is none that lies in this file.
+    """
+
+    import h5py
+
+    found = _own(parent, name)
+    if not isinstance(found, h5py.Group):
+        raise InputError(f"{parent.file.filename}: {found.name} is no group")
+    return found
+
+
+def dataset_at(parent: Any, name: str) -> Any:
+    """A dataset in a group, whose values lie in this file and are no more than it can hold.
+
+    :raises InputError: there is none.
+    """
+
+    import h5py
+
+    found = _own(parent, name)
+    where = f"{parent.file.filename}: {parent.name.rstrip('/')}/{name}"
+    if not isinstance(found, h5py.Dataset):
+        raise InputError(f"{where} is no dataset")
+    if found.is_virtual or found.external:
+        raise InputError(f"{where} keeps its values in another file, and that is not followed")
+    made = found.id.get_create_plist()
+    foreign = [code for code in (made.get_filter(k)[0] for k in range(made.get_nfilters())) if code not in _FILTERS]
+    if foreign:
+        raise InputError(f"{where} is packed by filter {foreign[0]}; allowed: {', '.join(_FILTERS.values())}")
+    if found.shape is None:
+        raise InputError(f"{where} holds nothing")
+    claimed = int(np.prod([float(n) for n in found.shape]) * found.dtype.itemsize)
+    if claimed > _LARGEST_RATIO * Path(parent.file.filename).stat().st_size:
+        raise InputError(f"{where} claims to hold {claimed} bytes, more than the file can")
+    return found
+
+
+def values_at(parent: Any, name: str) -> NDArray[Any]:
+    """The values of a dataset.
+
+    :raises InputError: there is none, or it cannot be read.
+    """
+    dataset = dataset_at(parent, name)
+    with _placed(dataset):
+        return np.asarray(dataset[()])
+
+
+def text_at(parent: Any, name: str) -> str:
+    """The text of a dataset that holds one.
+
+    :raises InputError: there is none, or it is no text.
+    """
+    dataset = dataset_at(parent, name)
+    with _placed(dataset):
+        value = dataset[()]
+        if not isinstance(value, bytes):
+            raise InputError(f"{parent.file.filename}: {dataset.name} is no text")
+        return value.decode()
+
+
+def attribute_of(part: Any, name: str, kind: type | tuple[type, ...]) -> Any:
+    """An attribute.
+
+    :raises InputError: there is none, or it is of another type.
+    """
+    where = f"{part.file.filename}: {part.name}"
+    try:
+        value = part.attrs[name]
+    except KeyError:
+        raise InputError(f"{where} has no attribute {name}") from None
+    except DAMAGE as error:
+        raise InputError(f"{where}: attribute {name} cannot be read: {error}") from error
+    if not isinstance(value, kind):
+        raise InputError(f"{where}: attribute {name} = {value!r} is of the wrong type")
+    return value
+
+
+def _own(parent: Any, name: str) -> Any:
+    import h5py
+
+    where = f"{parent.file.filename}: {parent.name.rstrip('/')}/{name}"
+    try:
+        link = parent.get(name, getlink=True)
+        if isinstance(link, h5py.HardLink):
+            return parent[name]
+    except DAMAGE as error:
+        raise InputError(f"{where} cannot be read: {error}") from error
+    if link is None:
+        raise InputError(f"{where} is missing")
+    raise InputError(f"{where} is a link to {getattr(link, 'filename', '')} {link.path}; links are not followed")
+
+
+@contextmanager
+def _placed(dataset: Any) -> Iterator[None]:
+    try:
+        yield
+    except InputError:
+        raise
+    except DAMAGE as error:
+        raise InputError(f"{dataset.file.filename}: {dataset.name} cannot be read: {error}") from error

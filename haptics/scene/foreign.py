@@ -1,0 +1,132 @@
+"""What a file is that is no recording of a Leap Motion controller, by its content, and what can be done about it.
+
+Only to help people on: what is not known here is refused all the same, where it stops being such a recording.
+"""
+
+from __future__ import annotations
+
+import re
+
+from haptics.recording.segments import MAGIC as JOURNAL_MAGIC
+
+READABLE = (
+    "a Leap Motion recording as LeapJS writes it (JSON, whole or by line, packed, lz-string, gzip), "
+    "or a recording of `haptics run`"
+)
+_TO_LEAP = f"allowed: {READABLE}; docs/reference/hands.md shows what a frame must hold, to convert to"
+_UNPACK = "unpack it and give the file inside"
+
+_BYTES: tuple[tuple[bytes, str], ...] = (
+    (b"\x89HDF", f"an HDF5 file; `haptics run --hand` and `haptics replay` read those that `haptics run` made; {_TO_LEAP}"),
+    (JOURNAL_MAGIC, "the journal of a run that did not end; `haptics recording recover` makes a recording of it to play"),
+    (b"PK\x03\x04", f"a zip archive; {_UNPACK}"),
+    (b"PK\x05\x06", f"an empty zip archive; {_UNPACK}"),
+    (b"BZh", f"packed by bzip2; {_UNPACK}"),
+    (b"\xfd7zXZ", f"packed by xz; {_UNPACK}"),
+    (b"\x28\xb5\x2f\xfd", f"packed by zstd; {_UNPACK}"),
+    (b"7z\xbc\xaf", f"a 7z archive; {_UNPACK}"),
+    (b"Rar!", f"a rar archive; {_UNPACK}"),
+    (b"\x1f\x8b", f"packed by gzip twice; {_UNPACK}"),
+    (b"glTF", f"a binary glTF model, a shape with no hand tracking in it; {_TO_LEAP}"),
+    (b"Kaydara FBX", f"an FBX file, a model or animation; {_TO_LEAP}"),
+    (b"PXR-USDC", f"a USD scene; {_TO_LEAP}"),
+    (b"\x93NUMPY", f"a NumPy array; {_TO_LEAP}"),
+    (b"SQLite format 3", f"an SQLite database; {_TO_LEAP}"),
+    (b"\x89PNG", f"a picture; {_TO_LEAP}"),
+    (b"\xff\xd8\xff", f"a picture; {_TO_LEAP}"),
+    (b"\x1aE\xdf\xa3", f"a video; {_TO_LEAP}"),
+)  # fmt: skip
+
+_TEXTS: tuple[tuple[str, str], ...] = (
+    ("<!doctype html", "a web page, perhaps an error in place of the download; fetch the file itself"),
+    ("<html", "a web page, perhaps an error in place of the download; fetch the file itself"),
+    ("<", f"XML; {_TO_LEAP}"),
+    ("version https://git-lfs", "a Git LFS pointer in place of the file; `git lfs pull` fetches it"),
+    ("hierarchy", f"a BVH motion, angles of a skeleton's joints; {_TO_LEAP}"),
+    ("; fbx", f"an FBX file, a model or animation; {_TO_LEAP}"),
+    ("#usda", f"a USD scene; {_TO_LEAP}"),
+    ('"', "one text in quotes; allowed: what is inside them, without the escapes"),
+    ("eyj", "JSON in plain base64; decode it first (`base64 -d`)"),
+    ("h4sia", "gzip in plain base64; decode it first (`base64 -d`)"),
+)
+
+_GLTF = {"asset", "accessors", "bufferviews", "meshes"}
+_MEDIAPIPE = {
+    *("landmark", "landmarks", "worldlandmarks", "handlandmarks", "handworldlandmarks", "multihandlandmarks"),
+    *("handedness", "handednesses", "multihandedness", "keypoints", "keypoints3d"),
+}
+_WEBXR = {"inputsources", "joints", "wrist", "thumbtip", "indexfingertip", "pinkyfingertip", "indextip", "littletip"}
+_MEMBERS: tuple[tuple[set[str], str], ...] = (
+    (_GLTF, "a glTF model, a shape with no hand tracking in it"),
+    (
+        _MEDIAPIPE,
+        "landmarks as MediaPipe gives them, 21 points of a picture; palmPosition, palmNormal, direction and the finger joints "
+        "in millimetres are missing",
+    ),
+    (
+        _WEBXR,
+        "joints as WebXR or OpenXR gives them, in metres; palmPosition, palmNormal, direction and the finger joints in "
+        "millimetres are missing",
+    ),
+)
+_DEEPEST = 4
+_MOST_LOOKED_AT = 200
+
+
+def foreign_bytes(head: bytes) -> str | None:
+    """What a file is that begins so, and what to do; None if it may be text."""
+    if not head:
+        return f"it is empty; allowed: {READABLE}"
+    for mark, what in _BYTES:
+        if head.startswith(mark):
+            return f"it is {what}"
+    if head[4:8] == b"ftyp":
+        return f"it is a video or picture; {_TO_LEAP}"
+    if head[257:262] == b"ustar":
+        return f"it is a tar archive; {_UNPACK}"
+    return None
+
+
+def foreign_text(head: str) -> str | None:
+    """The same of a text that begins so."""
+    plain = head.lstrip().lower()
+    if not plain:
+        return f"it is empty, or blank for {len(head)} characters; allowed: {READABLE}"
+    for mark, what in _TEXTS:
+        if plain.startswith(mark):
+            return f"it is {what}"
+    return f"it is a table of separated values (CSV); {_TO_LEAP}" if _is_table(plain) else None
+
+
+def _is_table(text: str) -> bool:
+    lines = [line for line in text.splitlines()[:3] if line.strip()]
+    if not lines or re.search(r"[{\[]", lines[0]):
+        return False
+    return any(lines[0].count(mark) >= 3 and len({line.count(mark) for line in lines[:2]}) == 1 for mark in ",;\t")
+
+
+def foreign_members(value: object) -> str | None:
+    """What JSON with such members is, where it is another kind of hand or motion; None if that is not known."""
+    names = {re.sub(r"[^a-z0-9]", "", name.lower()) for name in _names(value)}
+    for marks, what in _MEMBERS:
+        if names & marks:
+            return f"it seems to be {what}; {_TO_LEAP}"
+    if {"x", "y"} <= names and not names & {"hands", "pointables"}:
+        return f"it seems to be lists of points; {_TO_LEAP}"
+    return None
+
+
+def _names(value: object) -> set[str]:
+    """The names of members, some levels deep and not all of many."""
+    names: set[str] = set()
+    level = [value]
+    for _ in range(_DEEPEST):
+        inner: list[object] = []
+        for part in level[:_MOST_LOOKED_AT]:
+            if isinstance(part, dict):
+                names.update(name for name in list(part)[:_MOST_LOOKED_AT] if isinstance(name, str))
+                inner += list(part.values())[:_MOST_LOOKED_AT]
+            elif isinstance(part, list):
+                inner += part[:_MOST_LOOKED_AT]
+        level = inner
+    return names

@@ -1,0 +1,120 @@
+"""The thread that serves an open glove in real time, and what it says when it could not."""
+
+from __future__ import annotations
+
+import threading
+import time
+
+from haptics.errors import DeadManMissed, GloveEnded
+from haptics.session.glove import TICK_NS, Glove
+from haptics.time import NS_PER_MS, NS_PER_S
+
+JOIN_S = 2.0
+"""Longest wait for the thread, or for a call of another thread, when the glove is closed; boards are safe long before."""
+
+
+def awake_ns() -> int:
+    """A clock that goes on while the machine is suspended, where the system has one."""
+    clock = getattr(time, "CLOCK_BOOTTIME", None)
+    return time.monotonic_ns() if clock is None else time.clock_gettime_ns(clock)
+
+
+class Service:
+    """Ticks a glove each millisecond, from now on.
+
+    Whatever it raises ends it: the glove goes off, and ``check`` raises from then on. A gap between two ticks longer than the
+    boards' dead-man (the process was stopped, the machine slept or was too busy) is reported as soon as it is over.
+
+    :param lock: held at each tick, and by whoever else uses the glove.
+
+    ``faults`` is what went wrong here, in words.
+    """
+
+    def __init__(self, glove: Glove, lock: threading.RLock):
+        self._glove, self._lock = glove, lock
+        self._stopping = threading.Event()
+        self._error: BaseException | None = None
+        self._missed: str | None = None
+        self.faults: list[str] = []
+        self._served_ns = awake_ns()
+        self._thread = threading.Thread(target=self._run, name="glove", daemon=True)
+        self._thread.start()
+
+    def check(self) -> None:
+        """Nothing, if the glove is served.
+
+        :raises GloveEnded: the thread ended, and why. :raises DeadManMissed: see there; until the glove is armed again.
+        """
+        if self._error is not None:
+            raise GloveEnded(f"{self.faults[0]}; allowed: close() it, and open it again") from self._error
+        if self._missed is not None:
+            raise DeadManMissed(f"{self._missed}; nothing plays until the glove is armed again")
+
+    @property
+    def ended(self) -> bool:
+        """The thread ended by an error."""
+        return self._error is not None
+
+    def served(self, armed: bool = False) -> None:
+        """A call has served the boards itself, to its end; ``armed``: it armed them."""
+        self._served_ns = awake_ns()
+        if armed:
+            self._missed = None
+
+    def stop(self) -> None:
+        """End the thread, and wait for it at most ``JOIN_S``."""
+        self._stopping.set()
+        if self._thread is not threading.current_thread():
+            self._thread.join(JOIN_S)
+
+    def _run(self) -> None:
+        while not self._stopping.wait(TICK_NS / NS_PER_S):
+            with self._lock:
+                if self._stopping.is_set():
+                    return
+                try:
+                    self.serve()
+                except BaseException as error:
+                    self._end(error)
+                    return
+
+    def serve(self) -> None:
+        """One tick. After too long a gap nothing is ticked any more, and the glove goes off."""
+        gap_ns = awake_ns() - self._served_ns
+        missed = [name for name, link in self._glove.links.items() if link.armed and gap_ns > _dead_man_ns(link.identity)]
+        self._glove.follow(self._glove.now_ns())
+        if missed:
+            self._missed = (
+                f"{', '.join(missed)}: dead-man, as the host did not serve the glove for {gap_ns / NS_PER_S:.2f} s "
+                "(stopped, suspended or too busy)"
+            )
+            self.faults.append(self._missed)
+            go_off(self._glove)
+        else:
+            self._glove.tick(self._glove.now_ns())
+        self._served_ns = awake_ns()
+
+    def _end(self, error: BaseException) -> None:
+        self.faults.insert(0, f"the thread that serves the glove ended: {type(error).__name__}: {error}")
+        self._error = error
+        try:
+            go_off(self._glove)
+        except BaseException as again:  # the boards were told to stop; what else is wrong is for people
+            self.faults.append(f"going off in good order failed: {type(again).__name__}: {again}")
+
+
+def go_off(glove: Glove) -> None:
+    """Off, in good order; where that fails, a stop to every board.
+
+    :raises BaseException: what failed.
+    """
+    try:
+        glove.off()
+    except BaseException:
+        for link in glove.links.values():
+            link.stop(glove.now_ns())
+        raise
+
+
+def _dead_man_ns(identity: object) -> int:
+    return getattr(identity, "dead_man", 100) * NS_PER_MS

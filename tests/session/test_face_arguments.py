@@ -1,0 +1,129 @@
+"""Whatever is handed to the package's face, what cannot be used gives one ``InputError`` that names the argument."""
+
+from __future__ import annotations
+
+import inspect
+import math
+
+import numpy as np
+import pytest
+
+import haptics
+from haptics.errors import InputError
+from haptics.session.open_glove import open as open_glove
+
+JUNK = [None, True, -1, 2.5, 10**400, math.nan, math.inf, "4", "", "no such", b"x", [1], {"a": 1}, np.zeros(3), object(), 1j]
+
+
+@pytest.fixture(scope="module")
+def glove():
+    with open_glove(tactiles="sim://tactiles?spread=0", brake="sim://brake?spread=0", clock="virtual") as opened:
+        opened.arm()
+        yield opened
+
+
+def refused(call, *args, **kwargs) -> str:
+    with pytest.raises(InputError) as caught:
+        call(*args, **kwargs)
+    assert any(word in str(caught.value) for word in ("allowed", "expected", "No such file", "directory"))
+    return str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("method", "arguments", "argument", "fine"),
+    [
+        ("contact", {}, "site", ()),
+        ("release", {}, "site", ()),
+        ("pulse", {}, "site", ()),
+        ("pulse", {"site": "index_tip"}, "count", ()),
+        ("pulse", {"site": "index_tip"}, "rate_hz", (2.5,)),
+        ("brake", {"volts": 100.0}, "name", ()),
+        ("brake", {"name": "index"}, "volts", (2.5,)),
+        ("brake", {"name": "index"}, "force_n", (2.5,)),
+        ("brake", {"name": "index", "volts": 100.0}, "ttl_s", (2.5,)),
+        ("advance", {}, "seconds", (2.5,)),
+    ],
+)
+def test_every_argument_of_a_glove_is_checked_and_named(glove, method, arguments, argument, fine):
+    glove.results()
+    for value in JUNK:
+        if isinstance(value, float) and value in fine:
+            continue
+        said = refused(getattr(glove, method), **arguments, **{argument: value})
+        assert argument in said, said
+    assert glove.results() == []  # nothing was asked for
+
+
+@pytest.mark.parametrize("count", [0, 1001, 2.0, np.float64(3.0), np.bool_(True), "3"])
+def test_a_count_is_a_whole_number(glove, count):
+    assert refused(glove.pulse, "index_tip", count).startswith("count = ")
+
+
+def test_numbers_of_numpy_are_numbers(glove):
+    glove.pulse("index_tip", np.int32(2), np.float32(50.0))
+    assert glove.brake("index", volts=np.int64(100), ttl_s=np.float64(0.1)) == 100.0
+
+
+def test_more_force_than_a_brake_has_is_refused_in_newtons(glove):
+    said = refused(glove.brake, "index", force_n=30)
+    assert said.startswith("force_n = 30 N needs 17")
+    assert "at 1500 V" in said
+    held_n = float(said.split("allowed: 0 to ")[1].split()[0])
+    assert glove.brake("index", force_n=0.99 * held_n) <= 1500.0
+
+
+CALLS = [
+    (haptics.open, {}, "config", [None]),
+    (haptics.open, {"clock": "virtual"}, "tactiles", [None]),
+    (haptics.open, {"clock": "virtual"}, "brake", [None]),
+    (haptics.open, {}, "clock", []),
+    (haptics.open, {"clock": "virtual"}, "seed", []),
+    (haptics.load_configuration, {}, "path", [None]),
+    (haptics.load_scene, {}, "source", []),
+    (haptics.load_hand, {}, "source", []),
+    (haptics.Glove, {"brake": None, "realtime": False}, "tactiles", [None]),
+    (haptics.Glove, {"tactiles": None, "realtime": False}, "brake", [None]),
+]
+
+
+@pytest.mark.parametrize(("call", "arguments", "argument", "fine"), CALLS, ids=lambda one: getattr(one, "__name__", None))
+def test_every_argument_of_the_packages_face_is_checked(call, arguments, argument, fine, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert argument in inspect.signature(call).parameters
+    for value in JUNK:
+        if not any(value is one for one in fine):
+            refused(call, **arguments, **{argument: value})
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("url", ["spy:///dev/ttyACM0", "alt://x", "cp2110://1", "SPY://x?file=y"])
+def test_no_port_is_opened_where_one_of_them_is_not_allowed(url, monkeypatch):
+    monkeypatch.setattr("haptics.session.glove.open_port", lambda *_: pytest.fail("a port was opened"))
+    assert refused(haptics.open, tactiles="sim://tactiles", brake=url).startswith("brake = ")
+    parts = haptics.load_configuration(None)
+    swapped = parts.brake.model_copy(update={"port": url})
+    assert "brake port" in refused(haptics.Glove, parts.tactiles, swapped, realtime=True)
+
+
+def test_a_session_takes_what_it_is_made_of_and_no_other():
+    configuration = haptics.load_configuration(None)
+    scene = haptics.load_scene("desk")
+    glove = haptics.Glove(configuration.tactiles, None, realtime=False)
+    try:
+        for junk in ("desk", None, 5):
+            assert refused(haptics.Session, junk, glove, configuration).startswith("scene = ")
+            assert refused(haptics.Session, scene, junk, configuration).startswith("glove = ")
+            assert refused(haptics.Session, scene, glove, junk).startswith("configuration = ")
+        session = haptics.Session(scene.placed(None, None, "right"), glove, configuration)
+        session.begin(0)
+        for junk in (None, "pose", {"joints": []}, 5):
+            assert refused(session.submit, junk, 0).startswith("frame = ")
+    finally:
+        glove.close()
+
+
+def test_every_name_of_the_face_is_in_this_table():
+    covered = {"open", "Glove", "Session", "load_configuration", "load_scene", "load_hand"}
+    harmless = {"shipped_scenes", "HandFrame"}  # takes nothing; checked where it is submitted
+    callables = {name for name in dir(haptics) if callable(getattr(haptics, name)) and "Error" not in name}
+    assert callables == covered | harmless
