@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 FUZZ_S ?= 60
 
-.PHONY: demo test check bench soak clean help firmware firmware-flash fuzz firmware-fuzzers
+.PHONY: demo test check bench soak mutants clean help firmware firmware-flash fuzz firmware-fuzzers
 
 help:  ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/'
@@ -35,6 +35,9 @@ bench: $(STAMP)  ## timings, ratios measured side by side in one run
 soak: $(STAMP)  ## the judged sizes: hundreds of kills, long random runs
 	$(BIN)/python -m pytest -m soak -n auto --timeout=3600
 
+mutants: $(STAMP)  ## safety code broken on purpose, one break at a time: the tests must find each
+	$(BIN)/python tests/mutants/run.py
+
 firmware:  ## the images of both boards, into build/firmware (avr-gcc, no Python)
 	@command -v avr-gcc >/dev/null || { echo "avr-gcc not found: install gcc-avr, binutils-avr and avr-libc"; exit 1; }
 	@$(MAKE) --no-print-directory -C firmware_models/firmware avr OUT=$(CURDIR)/build/firmware
@@ -47,8 +50,8 @@ firmware-flash:  ## flash BOARD=tactiles or brake on PORT=/dev/..., by the Ardui
 	avrdude -p atmega328p -c arduino -b 115200 -P "$(PORT)" -U flash:w:build/firmware/$(BOARD).hex:i
 
 fuzz: firmware-fuzzers  ## random streams against the C core, FUZZ_S seconds a board
-	build/fuzz/fuzz_tactiles -max_total_time=$(FUZZ_S) -max_len=1500 build/fuzz/corpus_tactiles
-	build/fuzz/fuzz_brake -max_total_time=$(FUZZ_S) -max_len=1500 build/fuzz/corpus_brake
+	build/fuzz/fuzz_tactiles -max_total_time=$(FUZZ_S) -max_len=400 -len_control=0 build/fuzz/corpus_tactiles
+	build/fuzz/fuzz_brake -max_total_time=$(FUZZ_S) -max_len=400 -len_control=0 build/fuzz/corpus_brake
 
 firmware-fuzzers:
 	$(MAKE) -C firmware_models/firmware fuzz OUT=$(CURDIR)/build/fuzz

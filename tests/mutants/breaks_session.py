@@ -1,0 +1,245 @@
+"""Breaks of the glove: arming, going off, what a board's news forbids, heat that outlives hosts, and limits that a file sets."""
+
+from __future__ import annotations
+
+from mutant import in_file
+
+_GLOVE = "tests/session/test_glove_safety.py"
+_PERMISSION = "tests/session/test_permission.py -k 'py]'"
+_CONFIGURATION = "tests/session/test_configuration.py"
+_HEAT = "tests/session/test_heat.py -k 'not -c] and not -avr] and not c- and not avr-'"
+_OPEN = "tests/session/test_open_glove.py"
+
+SESSION = [
+    *in_file(
+        "haptics/session/glove.py",
+        _GLOVE,
+        (
+            "arms what is left when one board would not",
+            "half a glove is armed, and the script has ended",
+            "        except BaseException:\n            self.off()\n            raise",
+            "        except BaseException:\n            raise",
+        ),
+        (
+            "off does not stop the boards",
+            "the script ends, the volts stay until the dead-man fires",
+            "pendings = [link.stop(self.now_ns()) for link in self.links.values() if link.error is None]",
+            "pendings = []",
+        ),
+        (
+            "off leaves the pins out",
+            "a glove is off with its pins in the skin",
+            "            self.tactiles.withdraw_all(self.now_ns())\n            self._wait",
+            "            self._wait",
+            "tests/devices/test_tactiles_driver.py",
+        ),
+        (
+            "off does not wait for the pins",
+            "a stop cuts the strokes that withdraw them",
+            "            self._wait(self._pins_settled, OFF_TIMEOUT_S)\n",
+            "",
+            "tests/devices/test_tactiles_driver.py",
+        ),
+        (
+            "off drops volts before pins are in",
+            "a finger moves away from a pin that is still out",
+            "            self._withdraw_pins()\n            self._drop_volts()",
+            "            self._drop_volts()\n            self._withdraw_pins()",
+            _PERMISSION,
+        ),
+        (
+            "an old fault keeps off from withdrawing pins",
+            "after one fault no off ever withdraws pins again",
+            'if "tactiles" in self._permitted and self._obeys("tactiles"):',
+            'if "tactiles" in self._permitted and self._obeys("tactiles") and not self.faults:',
+            _PERMISSION,
+        ),
+        (
+            "off is broken off with whoever waits for it",
+            "a second Ctrl-C leaves volts on",
+            "        finally:  # also when the one who waits is interrupted\n            self._wanted_armed = False",
+            "        finally:\n            pass\n        if True:\n            self._wanted_armed = False",
+            _GLOVE,
+        ),
+        (
+            "an off leaves wishes to the next arming",
+            "800 V come back with the next arming, and nobody asked",
+            "        self._permitted.clear()\n        if self.tactiles is not None:",
+            "        self._permitted.clear()\n        if self.tactiles is not None and self._opened is None:",
+        ),
+        (
+            "an arming leaves armed boards as they are",
+            "volts of before go on under the new arming",
+            "            self._stop_what_is_armed()\n",
+            "",
+            _PERMISSION,
+        ),
+        (
+            "the host goes on scheduling after the board disarmed",
+            "what is asked of a board that is off waits for the next arming",
+            "            if name in self._permitted and not self._obeys(name):\n                self._forbid(name)",
+            "            if name in self._permitted and not self._obeys(name):\n                pass",
+            f"{_GLOVE} {_PERMISSION}",
+        ),
+        (
+            "a fault of the brake leaves its wishes",
+            "volts come back with the next arming, and nobody asked",
+            '        elif name == "brake" and self.brakes is not None:',
+            '        elif name == "" and self.brakes is not None:',
+            _PERMISSION,
+        ),
+        (
+            "a board that disarmed by itself is no fault",
+            "nobody is told that the glove is dead",
+            '            if self._wanted_armed:\n                self._fault(f"{name}: disarmed',
+            '            if False:\n                self._fault(f"{name}: disarmed',
+        ),
+        (
+            "a missed dead-man is passed over",
+            "a host that hung believes in volts that are gone",
+            "if silent_ns <= link.identity.dead_man * NS_PER_MS:",
+            "if silent_ns <= 100 * link.identity.dead_man * NS_PER_MS:",
+            "tests/session/test_permission.py -k 'missed and py]'",
+        ),
+        (
+            "takes a board that tests itself for armed",
+            "the first drives are refused, and nobody knows why",
+            "if not self._wait(lambda name=name: self._state_of(name) in _ARMED, ARM_TIMEOUT_S):",
+            "if not self._wait(lambda name=name: self._state_of(name) is not None, ARM_TIMEOUT_S):",
+        ),
+        (
+            "a board that disarms while another arms goes unnoticed",
+            "half a glove is armed, and the script goes on",
+            "                if not self._obeys(name):\n                    raise LimitError",
+            "                if name == '':\n                    raise LimitError",
+        ),
+        (
+            "heat of before is not taken over",
+            "five hosts one after the other: 65 K in one run",
+            "            self._take_over_heat(self.tactiles)\n",
+            "",
+            _HEAT,
+        ),
+        (
+            "the rise limit of the file does not reach the accounts",
+            "a person who asked for 10 K gets 25",
+            "limits_k = [min(part.rise_limit_k, coil.limit_k(on_time_ms / 1000)) for coil in self._coils]",
+            "limits_k = [min(25.0, coil.limit_k(2.5)) for coil in self._coils]",
+            _CONFIGURATION,
+        ),
+        (
+            "the current limit of the file does not reach the scheduler",
+            "a small supply is asked for 12 A",
+            "            current_ma / 1000,\n",
+            "            12.0,\n",
+            _CONFIGURATION,
+        ),
+        (
+            "the scheduler goes beyond the account of a stricter board",
+            "a lab's own limit is met by refusals, and pins stay out",
+            "limits_k = [min(part.rise_limit_k, coil.limit_k(on_time_ms / 1000)) for coil in self._coils]",
+            "limits_k = [part.rise_limit_k for coil in self._coils]",
+            _HEAT,
+        ),
+        (
+            "the file's time to live does not reach the brakes",
+            "volts outlive a hung program by more than was asked for",
+            "ttl_s = min(part.ttl_s, ttl_ms / 1000)",
+            "ttl_s = 1.0",
+            _CONFIGURATION,
+        ),
+        (
+            "the file's limits do not reach the boards",
+            "a raw frame does what the file forbids",
+            "            return stricter(board, wanted, identity.limits)",
+            "            return tuple(identity.limits)",
+            _HEAT,
+        ),
+    ),
+    *in_file(
+        "haptics/session/heat.py",
+        _HEAT,
+        (
+            "believes the board's account to be half",
+            "a second host warms a coil that is warm already",
+            "budget.raise_to(coil.rise_k(count * unit_s), budget.latest_ns)",
+            "budget.raise_to(coil.rise_k(count * unit_s) / 2, budget.latest_ns)",
+        ),
+    ),
+    *in_file(
+        "haptics/scheduling/coil_heat.py",
+        "tests/scheduling/test_coil_heat.py",
+        (
+            "a host's limit lies beyond its board's",
+            "legal strokes are refused, and pins stay out",
+            "return (1.0 - MARGIN) * on_time_s * self.jump_k_per_s * min(1.0, self.parameters.tau_s / BOARD_TAU_S)",
+            "return 1.2 * on_time_s * self.jump_k_per_s * min(1.0, self.parameters.tau_s / BOARD_TAU_S)",
+        ),
+        (
+            "a slow body is taken for a quick one",
+            "a coil that cools slowly is believed to be cool",
+            "slowness = max(1.0, self.parameters.tau_s / BOARD_TAU_S)",
+            "slowness = 1.0",
+        ),
+    ),
+    *in_file(
+        "haptics/session/configuration.py",
+        _CONFIGURATION,
+        (
+            "counts an unmeasured coil as the published one",
+            "eight of eight arrays pass their limit by up to 5 K",
+            "c_k_per_w = THERMAL.c_k_per_w + THERMAL.c_sd_k_per_w if",
+            "c_k_per_w = THERMAL.c_k_per_w if",
+            "tests/session/test_heat.py -k 'within_tolerance'",
+        ),
+        (
+            "believes a calibration to the last digit",
+            "an array that was measured roughly passes its limit",
+            "share = CALIBRATION_SDS * math.hypot(",
+            "share = 0 * CALIBRATION_SDS * math.hypot(",
+            f"{_CONFIGURATION} {_HEAT}",
+        ),
+        (
+            "a file may ask for any rise",
+            "300 K, because somebody slipped",
+            "rise_limit_k: Annotated[float, Field(",
+            "rise_limit_k: Annotated[float, Field(le=300) or Field(",
+        ),
+        (
+            "a file may name any kind of port",
+            "a file that was sent along overwrites another",
+            "AfterValidator(check_port)",
+            "AfterValidator(str)",
+        ),
+    ),
+    *in_file(
+        "haptics/session/open_glove.py",
+        _OPEN,
+        (
+            "closing does not go off",
+            "a script that raised leaves volts on",
+            "        try:\n            self._all_off()\n        finally:",
+            "        try:\n            pass\n        finally:",
+            _GLOVE,
+        ),
+        (
+            "leaving by an exception closes nothing",
+            "a script that raised leaves volts on",
+            "            with unbroken:\n                self.close()",
+            "            with unbroken:\n                self.close() if kind is None else None",
+            _GLOVE,
+        ),
+        (
+            "a closed glove takes calls",
+            "a script believes in touches of a glove that is off",
+            '                raise GloveEnded("this glove is closed; allowed: haptics.open another")',
+            "                pass",
+        ),
+        (
+            "a glove that nobody serves takes calls",
+            "a thread died, and the script goes on believing",
+            "                service.check()\n",
+            "                pass\n",
+        ),
+    ),
+]
