@@ -226,8 +226,10 @@ class BrakeBoard(FirmwareModel):
             self._begin(drive)
 
     def _begin(self, drive: Drive) -> None:
-        """Volts, from empty outputs or in the phase of the same wave."""
+        """Volts, from empty outputs or in the phase of the same wave; none for a drive that is over before it could begin."""
         self._waiting = None
+        if drive.end_ns <= self.now_ns:
+            return
         self._guards.begin(drive.mask, float(drive.volts), drive.frequency_hz, self.now_ns)
         self.plant.drive(drive.mask, float(drive.volts), drive.frequency_hz, self.now_ns)
         self._drive, self.state = drive, State.DRIVING

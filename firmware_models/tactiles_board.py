@@ -22,6 +22,7 @@ from firmware_models.tactiles_plant import PLANT_OPTIONS, Actuators
 from firmware_models.uart import NEVER_NS, Line
 from haptics.link.messages import COIL_CHANNELS, DURATION_UNIT_US, TICK_HZ, TICKS_PER_US, Board, Fault, State, Status
 from haptics.physics.latch_parameters import LONGEST_PULSE_S
+from haptics.time import NS_PER_S
 
 QUEUE_DEPTH = 64
 LEAST_SUPPLY_MV = 3000
@@ -29,9 +30,6 @@ ON_TIME_MS = 2500
 TOO_MANY_COILS = 1 << 15
 _ALL_CHANNELS = (1 << COIL_CHANNELS) - 1
 _TICKS_PER_UNIT = DURATION_UNIT_US * TICKS_PER_US
-_UNASKED_S = {Fault.COIL_ON_TIME: LONGEST_PULSE_S + 4e-3, Fault.COIL_CURRENT: 4e-3}
-"""What a driver that is stuck was on for when its fault latches, at most: 2 ms beyond what is allowed, and two looks."""
-_NOTHING_S = [0.0] * COIL_CHANNELS
 _LONGEST_PULSE, _COIL_CURRENT, _QUEUE, _LEAST_SUPPLY, _ON_TIME = range(5)  # the order of identity.limits
 
 
@@ -133,11 +131,12 @@ class TactilesBoard(FirmwareModel):
         self._queue = kept
         return forgotten
 
-    def _charge_unasked(self, fault: Fault) -> None:
-        """Current that no command explains may have been any coil's: each is charged with what flowed until it was noticed."""
-        for channel in range(COIL_CHANNELS if fault in _UNASKED_S else 0):
-            self.heat.begin(channel, _UNASKED_S[fault], self.now_ns)
-        self.heat.note(_NOTHING_S, self.now_ns)
+    def _charge_unasked(self, flowed_ns: int) -> None:
+        """Current that no command explains may have been any coil's: each is charged with how long it flowed."""
+        if flowed_ns:
+            for channel in range(COIL_CHANNELS):
+                self.heat.begin(channel, flowed_ns / NS_PER_S, self.now_ns)
+            self.heat.note(_on_time_s(self._queue), self.now_ns)
 
     def _begin_arming(self) -> None:
         if self._supply_low():
@@ -147,7 +146,7 @@ class TactilesBoard(FirmwareModel):
             raise Refusal(Status.HOT, hot)
         self.state = State.ARMED
         self.plant.feed(True, self.now_ns)
-        self._guards.wake(self.now_ns)
+        self._guards.begin(self.now_ns)
 
     # Outputs.
 
@@ -157,6 +156,7 @@ class TactilesBoard(FirmwareModel):
 
     def _run_outputs(self) -> None:
         changes: dict[int, int] = {}
+        was_on = len(self._on)
         for pulse in list(self._on.values()):
             if pulse.end_ns <= self.now_ns:
                 changes[pulse.channel] = 0
@@ -169,19 +169,19 @@ class TactilesBoard(FirmwareModel):
             self._played[pulse.channel] = (self._played[pulse.channel] + 1) & 0xFFFF
         if changes:
             self.plant.switch(changes, self.now_ns)
-            self._guards.wake(self.now_ns)
+            self._guards.wake(self.now_ns, was_on)
         if self._guards.next_ns <= self.now_ns:
             limits = self.limits
-            trip = self._guards.sample(
+            trip, flowed_ns = self._guards.sample(
                 self.now_ns, len(self._on), limits[_LEAST_SUPPLY], limits[_COIL_CURRENT], limits[_LONGEST_PULSE]
             )
+            self._charge_unasked(flowed_ns)
             if trip is not None:
                 self.latch(*trip)
-                self._charge_unasked(trip.fault)
 
     def _outputs_off(self) -> None:
         self._queue.clear()
-        self._guards.rest()
+        self._charge_unasked(self._guards.rest(self.now_ns))
         if self._on:
             self.plant.switch(dict.fromkeys(self._on, 0), self.now_ns)
             self._on.clear()
@@ -227,7 +227,7 @@ class TactilesBoard(FirmwareModel):
     def _act(self, channel: int, load: Mapping[str, float]) -> None:
         self.plant.load(channel, self.now_ns, **load)
         if self.armed:
-            self._guards.wake(self.now_ns)
+            self._guards.wake(self.now_ns, len(self._on))
 
     def energised(self) -> list[int]:
         return self.plant.energised

@@ -20,6 +20,7 @@ class CoilCommands:
         self._link = link
         self._open: dict[int, int] = {}  # commands without an answer, by token
         self._refused: dict[int, str] = {}
+        self._taken: dict[int, tuple[int, bool | None]] = {}  # last stroke that a board took, or may have
         self._replies: list[tuple[Pending, list[CoilPulse]]] = []
         self._ends = CoilEnds()
         self.busy_until_ns = 0
@@ -80,10 +81,20 @@ class CoilCommands:
         """Why the board did not carry out all of a request; None if it did. Forgotten with that."""
         return self._refused.pop(token, None)
 
+    def take_last(self, token: int) -> tuple[int, bool | None] | None:
+        """When the last stroke ends that a board took of a request, and whether it was toward the skin, None if nobody knows
+        that it plays; None if the board took none of them. Forgotten with that.
+        """
+        return self._taken.pop(token, None)
+
     def _answered(self, pulse: CoilPulse, refused: str | None) -> list[int]:
         token = _token(pulse)
         if refused is not None:
             self._refused.setdefault(token, refused)
+        if refused in (None, "unknown"):
+            ends_ns = pulse.start_ns + seconds_to_ns(pulse.duration_s)
+            if ends_ns > self._taken.get(token, (ends_ns - 1, None))[0]:
+                self._taken[token] = (ends_ns, pulse.toward_skin if refused is None else None)
         self._open[token] -= 1
         if self._open[token]:
             return []

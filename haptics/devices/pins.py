@@ -10,12 +10,12 @@ class Pin:
     answered, or the board may have been made safe before it played. Both a contact and a release are worth a stroke then.
     """
 
-    __slots__ = ("_ended_ns", "_under_way", "out", "wanted_out")
+    __slots__ = ("_ended_ns", "_pulsed_ns", "_under_way", "out", "wanted_out")
 
     def __init__(self) -> None:
         self.out: bool | None = False
         self.wanted_out = False
-        self._ended_ns = -(1 << 62)
+        self._ended_ns = self._pulsed_ns = -(1 << 62)
         self._under_way: dict[int, bool] = {}  # direction of each stroke without a result, by token, oldest first
 
     @property
@@ -41,7 +41,16 @@ class Pin:
             self.out = out if played else None
             self._ended_ns = ends_ns
 
+    def pulsed(self, back: bool, ends_ns: int) -> None:
+        """What a board took of a pulse or a burst ends then. ``back``: for sure with a stroke back, as it should.
+
+        A pin that was out before is not brought in by that: its stroke back may be too short.
+        """
+        self._pulsed_ns = max(self._pulsed_ns, ends_ns)
+        if not back and ends_ns >= self._ended_ns:
+            self.out = None
+
     def doubt(self, from_ns: int) -> None:
         """Strokes that end after ``from_ns`` may not have played."""
-        if self._ended_ns > from_ns:
+        if max(self._ended_ns, self._pulsed_ns) > from_ns:
             self.out = None

@@ -72,7 +72,7 @@ def refuse(glove, reason: str) -> list[str]:
             if reason == "unknown":
                 pending.fail(LinkError("here", "no reply"))
             else:
-                pending.answer(Status[reason.upper()], 0, None)
+                pending.answer(Status[reason.upper()], 0x7FFF if reason == "hot" else 0, None)  # hot: which coils
         return pending
 
     link.send = refusing
@@ -106,6 +106,46 @@ def test_a_pin_whose_release_was_refused_is_out_and_what_is_not_wanted_is_not_tr
     glove.release("index_tip")
     glove.advance(0.1)
     assert glove.state().pins_out == latched(glove) == ()
+
+
+def test_a_release_that_would_be_tried_again_is_not_once_the_board_was_off(glove):
+    """A hot coil's release is tried again after 250 ms; the next arming, sooner than that, moves nothing by itself."""
+    glove.arm()
+    glove.contact("index_tip")
+    glove.advance(0.1)
+    refused = refuse(glove, "hot")
+    glove.release("index_tip")
+    array = glove._glove.tactiles
+    while not array._again:
+        array.tick(glove._glove.now_ns())
+        glove._glove.follow(glove._glove.now_ns() + MS)
+    assert refused
+    for link in glove._glove.links.values():
+        link.stop(glove._glove.now_ns())
+    glove._glove.follow(glove._glove.now_ns() + 20 * MS)
+    energy_j = sum(glove._glove.plant("tactiles").truth()["energy_j"])
+    glove.arm()
+    glove.advance(0.4)
+    assert sum(glove._glove.plant("tactiles").truth()["energy_j"]) == energy_j
+    glove.release("index_tip")
+    glove.advance(0.1)
+    assert latched(glove) == ()
+
+
+def test_a_stroke_whose_answer_is_waited_for_no_longer_is_in_doubt(glove):
+    """The board disarmed itself before it said what became of the stroke."""
+    glove.arm()
+    link = glove._glove.links["tactiles"]
+    send = link.send
+    link.send = lambda name, *values, now_ns: Pending(name) if name == "pulse" else send(name, *values, now_ns=now_ns)
+    glove.contact("index_tip")
+    glove.advance(0.01)
+    assert glove.results() == []
+    link.send = send
+    glove._glove.plant("tactiles").board._stop(None)
+    glove.advance(0.06)
+    assert [(one.kind, one.played, one.reason) for one in glove.results()] == [("contact", False, "unknown")]
+    assert glove.state().pins_out == ("index_tip",)  # it may be
 
 
 def test_a_contact_that_waits_is_given_up_with_its_release_and_no_coil_is_heated(glove):

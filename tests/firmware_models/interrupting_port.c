@@ -155,6 +155,12 @@ const uint8_t *racing_ask(const uint8_t *bytes, uint32_t count)
     return last_frame;
 }
 
+/* Time in which the main loop does not come round. */
+void racing_sleep(uint32_t ticks)
+{
+    now += ticks;
+}
+
 /* Polls until `until`. */
 void racing_run(uint32_t until)
 {

@@ -106,6 +106,16 @@ def test_a_drive_ends_at_its_tick_unless_another_comes_by_then(bench) -> None:
     assert [word for _, word in h.edges if not word & ALL] == [0]
 
 
+def test_a_drive_that_is_shorter_than_the_one_it_replaces_ends_at_its_own_tick(bench) -> None:
+    h = bench().armed()
+    start = h.drive(3, 1, 800, 200, 1000)
+    h.drive(33, 1, 800, 200, 7)
+    h.run(80 * MS)
+    assert h.edges[-1] == (start + 37 * MS, 0)
+    h.live(1000 * MS)
+    assert h.edges[-1] == (start + 37 * MS, 0)
+
+
 @pytest.mark.parametrize("other", [(0b10, 400, 200), (0b11, 400, 200), (1, 400, 210)])
 def test_any_other_drive_shorts_all_first_and_begins_2_ms_after(bench, other) -> None:
     mask, volts, dhz = other

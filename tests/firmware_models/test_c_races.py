@@ -141,3 +141,11 @@ def test_cancelling_while_pulses_begin_neither_loses_nor_leaves_any(racing, seed
     edges = h.edges()
     assert edges[-1][1] == FEED
     assert all(bin(word & ALL).count("1") <= 3 for _, word in edges)
+
+
+@pytest.mark.parametrize(("silent_ms", "status"), [(98, Status.OK), (101, Status.INTERLOCK)])
+def test_a_frame_that_waited_for_a_busy_main_loop_beyond_the_dead_mans_time_comes_too_late(racing, silent_ms, status) -> None:
+    """Nothing was polled in between: the frame itself must find the board safe."""
+    r = Racing(racing, 1, 5)
+    racing.racing_sleep(silent_ms * MS)
+    assert r.ask("pulse", (r.now + 5 * MS) % WRAP, 1, 1, [100] * 15).status == status

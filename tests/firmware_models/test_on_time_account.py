@@ -11,7 +11,7 @@ from core_bench import MS, SUPPLY, WRAP, Bench, CoilHeat as KeptHeat, Memory, bu
 from sim_host import NEEDS_AVR, NEEDS_CC, Host
 
 from firmware_models.coil_heat import CoilHeat
-from haptics.link.messages import COIL_CHANNELS, Status
+from haptics.link.messages import COIL_CHANNELS, State, Status
 from haptics.link.trial.workload import CoilCommands
 from haptics.physics.thermal import ThermalParameters
 from haptics.scheduling.thermal_budget import ThermalBudget
@@ -154,6 +154,52 @@ def test_a_stuck_driver_gives_no_more_however_often_it_is_armed(attacker, core, 
     assert Status.OK in answers
     assert answers.count(Status.HOT) > 15
     assert a.rise_k() < WORST_K + 0.014 / 97 * 79 * WORST_W
+
+
+@cores
+@pytest.mark.parametrize(("way", "apart_ms"), [("disarm", 9), ("stop", 3), ("disarm", 0)])
+def test_a_stuck_driver_gives_no_more_to_a_host_that_ends_before_anything_latches(attacker, core, way, apart_ms):
+    """Fed for less than it takes to notice, and at the shortest for less than until the first look, over and over."""
+    a = attacker(core, spread=0, **WORST)
+    a.attack(2.4)
+    a.port.set_load(1, driver_stuck=1)
+    boot_id = a.ask("identify").boot_id
+    answers = []
+    for _ in range(900 // (apart_ms + 2)):
+        a.ask(way)
+        answers.append(a.status("arm", boot_id))
+        a.run(apart_ms)
+    assert Status.OK in answers
+    assert answers[-1] == Status.HOT
+    assert a.rise_k() < WORST_K + 0.014 / 97 * 79 * WORST_W
+
+
+@cores
+@pytest.mark.parametrize("supply_ohm", [0.0, 0.45])
+@pytest.mark.parametrize(("period_ms", "duration"), [(1, 1), (3, 30), (5, 99)])
+def test_no_pulses_of_other_coils_hide_a_driver_that_is_stuck(attacker, core, period_ms, duration, supply_ohm):
+    """Short ones at every look, as long as the pauses between them, and nearly without a pause; on a supply that sags, too."""
+    a = attacker(core, spread=0, supply_ohm=supply_ohm, **WORST)
+    a.port.set_load(1, driver_stuck=1)
+    start = a.tick_in(5)
+    for index in range(120 // period_ms):
+        channel = 2 + index % 13
+        a.send("pulse", (start + index * period_ms * 2000) % WRAP, 1 << channel, 0, [duration] * COIL_CHANNELS)
+        a.listen(a.now_ns + period_ms * NS_PER_MS)
+    assert a.port.truth()["state"] == State.FAULT
+    assert a.rise_k() < 0.08 / 97 * 79 * WORST_W
+
+
+@cores
+def test_a_sound_board_pays_nothing_for_being_armed_and_looked_at(attacker, core):
+    a = attacker(core, spread=0)
+    boot_id = a.ask("identify").boot_id
+    for _ in range(40):
+        a.live(3)
+        a.ask("disarm")
+        assert a.status("arm", boot_id) == Status.OK
+    a.live(25)
+    assert a.last("tactiles_telemetry").heat == (0,) * COIL_CHANNELS
 
 
 # The C core, beside an account of the test's own.

@@ -287,6 +287,29 @@ def test_a_lid_that_opens_makes_safe_without_a_fault_and_keeps_the_board_from_ar
     h.arm()
 
 
+@pytest.mark.parametrize("when", ["self test", "at rest", "waiting drive"])
+def test_a_lid_that_opens_while_nothing_is_driven_disarms_as_well(host, core, when) -> None:
+    """What was asked before it opened does not come back when it closes, and neither does the board."""
+    h = host("brake", core=core)
+    h.seq = 1
+    assert h.status("arm", h.ask("identify").boot_id) == Status.OK
+    h.live(3 if when == "self test" else 30)
+    if when == "waiting drive":
+        assert h.status("drive", h.tick_in(40), 1, 800, 100, 1000) == Status.OK
+    h.port.set_load(0, lid_open=1)
+    h.live(8)
+    assert h.port.truth()["state"] == State.DISARMED
+    h.port.set_load(0, lid_open=0)
+    volts = []
+    for _ in range(80):
+        h.live(1)
+        volts.append(max(map(abs, h.port.truth()["volts"])))
+    assert max(volts) < 1.0
+    assert (h.port.truth()["state"], h.port.board.faults) == (State.DISARMED, 0)
+    assert h.status("drive", h.tick_in(5), 1, 800, 100, 1000) == Status.INTERLOCK
+    h.arm()
+
+
 def test_a_board_whose_lid_is_open_from_the_start_does_not_arm(host, core) -> None:
     h = host("brake", core=core, lid_open=1)
     h.seq = 1

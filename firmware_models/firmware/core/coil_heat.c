@@ -59,9 +59,9 @@ uint32_t heat_decay(struct coil_heat heat[COIL_CHANNELS], const uint16_t waiting
 }
 
 /* Without a division, which an 8-bit CPU takes its time for: never more than rounded down, then one more if need be. */
-uint8_t heat_units(const struct coil_heat *heat)
+uint8_t heat_units(const struct coil_heat *heat, uint16_t without)
 {
-    uint16_t durations = (uint16_t)((heat->on_time + UINT16_MAX) >> 16);
+    uint16_t durations = (uint16_t)(((heat->on_time + UINT16_MAX) >> 16) - without);
     uint16_t units = (uint16_t)((uint32_t)durations * BY_UNIT >> 16);
     return (uint8_t)(units * UNIT < durations ? units + 1u : units);
 }

@@ -34,8 +34,8 @@ void heat_refund(struct coil_heat *heat, uint16_t durations);
  * account. */
 uint32_t heat_decay(struct coil_heat heat[COIL_CHANNELS], const uint16_t waiting[COIL_CHANNELS]);
 
-/* In HEAT_UNIT_MS, rounded up, as telemetry has it. */
-uint8_t heat_units(const struct coil_heat *heat);
+/* In HEAT_UNIT_MS, rounded up, as telemetry has it; `without` so much of it (50 us). */
+uint8_t heat_units(const struct coil_heat *heat, uint16_t without);
 
 #define DURATIONS_PER_MS (TICKS_PER_MS / DURATION_TICKS)
 

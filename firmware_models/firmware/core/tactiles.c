@@ -22,6 +22,7 @@ enum { SUPPLY_INPUT = 0, CURRENT_INPUT = 1 };
 #define SUPPLY_MV_PER_COUNT 10u
 #define CURRENT_MA_PER_COUNT 64u
 #define LOOK_TICKS TICKS_PER_MS
+#define LONG_DOUBT 16u /* looks: pulses that end just before each of so many are no chance */
 
 /* What a pulse command asks for, and where it goes in the list. */
 struct request {
@@ -392,6 +393,7 @@ static uint8_t make_safe(struct board *b, uint32_t now)
     line->head = NONE;
     line->waiting = 0;
     port_unlock(b, key);
+    coils_of(b)->ahead = 0; /* it may have flowed: it stays charged */
     for (uint8_t i = 0; i < PULSE_QUEUE; i++)
         line->pulses[i].coil = GONE;
     refund_all(coils_of(b));
@@ -419,6 +421,25 @@ static uint16_t current_ma(struct board *b)
     return port_convert(b, CURRENT_INPUT) * CURRENT_MA_PER_COUNT;
 }
 
+/* Unasked current may be any coil's: all are charged with the time until the next look and a little beyond, so that
+ * whatever cuts an armed stretch short finds charged what may have flowed. `flowed`: it has for sure, until now. */
+static void charge_ahead(struct tactiles *t, bool flowed, uint32_t now)
+{
+    if (!t->ahead)
+        t->paid = t->looked;
+    if (before(t->paid, now + LOOK_TICKS)) {
+        uint32_t short_ticks = now + 2u * LOOK_TICKS - t->paid;
+        uint16_t more = (uint16_t)(short_ticks < DEAD_MAN_TICKS ? short_ticks / DURATION_TICKS : DEAD_MAN_TICKS / DURATION_TICKS);
+        for (uint8_t channel = 0; channel < COIL_CHANNELS; channel++)
+            charge(t, channel, more, now);
+        t->ahead = (uint16_t)(t->ahead + more);
+        t->paid += (uint32_t)more * DURATION_TICKS;
+    }
+    uint32_t left = ticks_until(t->paid, now) / DURATION_TICKS;
+    if (flowed && left < t->ahead)
+        t->ahead = (uint16_t)left;
+}
+
 static uint8_t arm(struct board *b, uint32_t now, uint16_t *detail)
 {
     struct tactiles *t = coils_of(b);
@@ -433,9 +454,18 @@ static uint8_t arm(struct board *b, uint32_t now, uint16_t *detail)
     if (*detail)
         return STATUS_HOT;
     t->allowed_on = (uint8_t)(b->limits[1] / WORST_COIL_MA);
-    t->excess = t->stray = false;
-    t->look_due = now + LOOK_TICKS;
+    t->excess = t->unasked = t->spared = false;
+    t->doubts = 0;
     t->timeline.most_on = 0;
+    t->looked = now;
+    t->look_due = now + LOOK_TICKS;
+    t->paid = now + LOOK_TICKS;
+    t->ahead = LOOK_TICKS / DURATION_TICKS;
+    if (!t->cooling)
+        t->cool_due = now + HEAT_STEP_TICKS;
+    t->cooling = true;
+    for (uint8_t channel = 0; channel < COIL_CHANNELS; channel++)
+        heat_charge(&port_heat(b)[channel], t->ahead); /* without a note: no coil was asked for yet */
     t->timeline.coils = FEED;
     port_apply(b, FEED);
     board_set_state(b, STATE_ARMED);
@@ -456,38 +486,60 @@ static bool lasts(bool holds, bool *held, uint32_t *since, uint32_t now, uint32_
     return holds && now - *since >= least;
 }
 
-/* Current that no command explains has flowed for so long, and it may have been any coil's. Latches the fault. */
-static void unasked(struct tactiles *t, uint8_t fault, uint16_t current, uint32_t ticks, uint32_t now)
+/* Nothing has flowed that was not asked for. */
+static void refund_ahead(struct tactiles *t)
 {
-    board_latch(&t->board, fault, NO_CHANNEL, current);
     for (uint8_t channel = 0; channel < COIL_CHANNELS; channel++)
-        charge(t, channel, (uint16_t)(ticks / DURATION_TICKS), now);
+        heat_refund(&port_heat(&t->board)[channel], t->ahead);
+    t->ahead = 0;
+}
+
+/* What so many coils may draw at this supply: a quarter more than the worst ones do, 1.28 ohm each. */
+static uint16_t drawable_ma(uint8_t coils, uint16_t supply)
+{
+    return (uint16_t)(coils * (supply - (supply * 3u >> 7)) + NO_CURRENT_MA);
 }
 
 /* Supply and current against what they may be. A coil that has just gone off may still be in the reading, hence
- * `most`. */
+ * `most`. Where only that explains it, the next look comes out of step with such pulses; so one soon sees what is. */
 static void look(struct tactiles *t, uint32_t now)
 {
     struct board *b = &t->board;
-    uint16_t supply = supply_mv(b);
     uint16_t current = current_ma(b);
+    /* Nothing flows between pulses: every other look leaves the supply, which does not sag then, alone. */
+    t->spared = current <= NO_CURRENT_MA && t->timeline.waiting && !t->spared;
+    uint16_t supply = t->spared ? UINT16_MAX : supply_mv(b);
     uint8_t key = port_lock(b);
     uint8_t most = t->timeline.most_on;
-    t->timeline.most_on = t->timeline.on_count;
+    uint8_t on = t->timeline.most_on = t->timeline.on_count;
     port_unlock(b, key);
 
-    /* A quarter more than the worst coils draw. With none on it is a stuck driver's, which has a fault of its own. */
-    uint16_t drawable = (uint16_t)(most * (WORST_COIL_MA + WORST_COIL_MA / 4) + NO_CURRENT_MA);
-    bool excess = current > b->limits[1] || (most && current > drawable);
-    bool stray = !most && current > NO_CURRENT_MA;
-    uint32_t longest = b->limits[0] * DURATION_TICKS + COIL_CURRENT_TICKS;
+    bool flows = current > NO_CURRENT_MA;
+    bool doubtful = flows && current > drawable_ma(on, supply);
+    bool excess = doubtful && most && current > drawable_ma(most, supply); /* with none on it has a fault of its own */
+    t->doubts = doubtful ? (uint8_t)(t->doubts + (t->doubts < UINT8_MAX)) : 0;
+    bool unexplained = excess || (doubtful && (!most || t->doubts > LONG_DOUBT));
+
+    t->unasked = t->unasked && flows;
+    if (unexplained)
+        t->unasked_ticks = t->unasked ? t->unasked_ticks + (now - t->looked) : 0;
+    t->unasked = t->unasked || unexplained;
+    if (t->unasked || (doubtful && t->ahead)) {
+        charge_ahead(t, t->unasked, now);
+    } else if (t->ahead && !doubtful) {
+        refund_ahead(t);
+    }
+    t->looked = now;
+    t->look_due = now + (t->doubts & 1u && !t->unasked ? LOOK_TICKS * 5u / 8u : LOOK_TICKS);
+    if (t->unasked && before(b->telemetry_due, t->look_due + LOOK_TICKS))
+        b->telemetry_due = t->look_due + LOOK_TICKS; /* a frame takes an 8-bit CPU long: finding out goes first */
 
     if (supply < b->limits[3])
         board_latch(b, FAULT_SUPPLY, NO_CHANNEL, supply);
-    else if (lasts(excess, &t->excess, &t->excess_since, now, COIL_CURRENT_TICKS))
-        unasked(t, FAULT_COIL_CURRENT, current, COIL_CURRENT_TICKS + 2 * LOOK_TICKS, now);
-    else if (lasts(stray, &t->stray, &t->stray_since, now, longest))
-        unasked(t, FAULT_COIL_ON_TIME, current, longest + 2 * LOOK_TICKS, now);
+    else if (lasts(excess || current > b->limits[1], &t->excess, &t->excess_since, now, COIL_CURRENT_TICKS))
+        board_latch(b, FAULT_COIL_CURRENT, NO_CHANNEL, current);
+    else if (unexplained && t->unasked_ticks >= b->limits[0] * DURATION_TICKS + COIL_CURRENT_TICKS)
+        board_latch(b, FAULT_COIL_ON_TIME, NO_CHANNEL, current);
 }
 
 /* One step of the accounts' decay. The note of warmth is taken back well below where it is made: an EEPROM's cell
@@ -498,6 +550,8 @@ static void cool(struct tactiles *t)
     uint8_t key = port_lock(&t->board);
     memcpy(waiting, t->timeline.to_play, sizeof waiting);
     port_unlock(&t->board, key);
+    for (uint8_t channel = 0; t->ahead && channel < COIL_CHANNELS; channel++)
+        waiting[channel] = (uint16_t)(waiting[channel] + t->ahead);
     uint32_t most = heat_decay(port_heat(&t->board), waiting);
     t->cooling = most != 0;
     t->cool_due += HEAT_STEP_TICKS;
@@ -512,7 +566,6 @@ static void poll(struct board *b, uint32_t now)
         cool(t);
     if (!b->armed || before(now, t->look_due))
         return;
-    t->look_due = now + LOOK_TICKS;
     look(t, now);
 }
 
@@ -532,7 +585,7 @@ static void fill_telemetry(struct board *b, uint8_t *payload)
         uint16_t played = line->played[channel];
         port_unlock(b, key);
         put_u16(payload + AT_TACTILES_TELEMETRY_PLAYED + 2 * channel, played);
-        payload[AT_TACTILES_TELEMETRY_HEAT + channel] = heat_units(&port_heat(b)[channel]);
+        payload[AT_TACTILES_TELEMETRY_HEAT + channel] = heat_units(&port_heat(b)[channel], coils_of(b)->ahead);
     }
     put_u16(payload + AT_TACTILES_TELEMETRY_SUPPLY, supply_mv(b));
     put_u16(payload + AT_TACTILES_TELEMETRY_CURRENT, current_ma(b));

@@ -50,13 +50,18 @@ struct tactiles {
     uint8_t place;      /* where the last pulse was put */
     uint8_t allowed_on; /* coils that the current limit carries */
     bool excess;        /* since `excess_since`: more current than coils can draw, or than the limit */
-    bool stray;         /* since `stray_since`: current though no coil is on */
+    bool unasked;       /* since a look that saw none at all: some that no command explains */
+    bool spared;        /* the last look left the supply alone */
+    uint8_t doubts;     /* looks in a row at which only a coil that has just gone off explains what flows */
     uint32_t cool_due;  /* next step of the accounts' decay; has a meaning only while `cooling` */
     bool cooling;       /* some account may not be empty */
     uint8_t notes;      /* as kept without power */
     uint32_t look_due;  /* next look at the senses */
+    uint32_t looked;    /* the last one */
+    uint16_t ahead;     /* 50 us that every account is charged with, until `paid`, for what may flow unasked */
+    uint32_t paid;
     uint32_t excess_since;
-    uint32_t stray_since;
+    uint32_t unasked_ticks; /* how long it flowed, from the first look that saw it on */
 };
 
 /* Before board_start. */
