@@ -61,6 +61,14 @@ unbroken = _Unbroken()
 
 
 @contextmanager
+def undisturbed() -> Iterator[None]:
+    """Whatever asks to end meanwhile is heard when this is left, in a program or a script: for what a library in C calls back,
+    where an exception brings the process down instead of unwinding it."""
+    with orderly(), unbroken:
+        yield
+
+
+@contextmanager
 def orderly() -> Iterator[None]:
     """While this is open, Ctrl-C, SIGTERM and SIGHUP raise :class:`Ended` in the main thread.
 
@@ -70,9 +78,13 @@ def orderly() -> Iterator[None]:
     has to say goes to standard error before that.
     """
     raised_s: float | None = None
+    over, late = False, None
 
     def end(number: int, frame: FrameType | None) -> None:
-        nonlocal raised_s
+        nonlocal raised_s, late
+        if over:
+            late = number
+            return
         if unbroken.depth:
             unbroken.waiting = number
             return
@@ -89,13 +101,17 @@ def orderly() -> Iterator[None]:
     try:
         yield
     except Ended as error:
+        over = True
         _restore(taken)
         if error.number in taken:
             say(error)  # the exception goes no further
             signal.raise_signal(error.number)
         raise
     finally:
+        over = True  # between one handler and the next there is nobody left to unwind
         _restore(taken)
+        if late is not None:
+            signal.raise_signal(late)
 
 
 def say(error: BaseException) -> None:
@@ -107,6 +123,20 @@ def say(error: BaseException) -> None:
         sys.stderr.flush()
     if isinstance(error, KeyboardInterrupt) and isinstance(error.__context__, (HapticsError, KeyboardInterrupt)):
         say(error.__context__)
+
+
+def shield_tracker() -> None:
+    """Before a pool of processes: the one with which ``multiprocessing`` keeps account of them sits out Ctrl-C and SIGTERM,
+    but not the SIGHUP of a terminal that closes; begun by this, it sits out that one too."""
+    if not {"SIGHUP", "pthread_sigmask"} <= set(dir(signal)):  # Windows
+        return
+    from multiprocessing import resource_tracker
+
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGHUP})
+    try:
+        resource_tracker.ensure_running()
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def end_workers() -> None:

@@ -26,8 +26,8 @@ from haptics.link.commands import NEVER_NS, Pending
 from haptics.link.events import Event, Telemetry
 from haptics.link.messages import COIL_CHANNELS, DURATION_UNIT_US, Status
 from haptics.link.ports import check_port
-from haptics.recording import StreamSpec, finalise
-from haptics.recording.ending import keep
+from haptics.recording import StreamSpec
+from haptics.recording.ending import finish, keep
 from haptics.recording.leftovers import journal_of, refuse_leftover
 from haptics.recording.output import check_outputs
 from haptics.session.configuration import Configuration
@@ -435,8 +435,7 @@ class Bench:
             if journal.error is not None:
                 raise journal.error
             journal.raises = True
-            journal.close({"ended": "off"})
-            finalise(journal.path, record, force=force)
+            finish(journal, record, force, {"ended": "off"})
         except BaseException as trouble:
             keep(journal, record, force, trouble)
             raise

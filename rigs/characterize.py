@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from haptics.cli.show import plain
-from haptics.ends import end_workers
+from haptics.ends import end_workers, shield_tracker
 from haptics.errors import InputError
 from haptics.recording.output import check_outputs, make_folder, refuse_existing, replacing
 from haptics.session.recorder import provenance
@@ -145,6 +145,8 @@ def run_jobs(
     :param executor: a pool of processes if None. :param progress: told of each job; the benches themselves say nothing.
     :raises HapticsError: a bench failed; jobs that have not begun are left out.
     """
+    if executor is None:
+        shield_tracker()
     pool = executor or ProcessPoolExecutor(mp_context=get_context("spawn"))
     try:
         futures = [pool.submit(run_one, name, replace(job, progress=BenchOptions().progress)) for name, job in jobs]

@@ -10,9 +10,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +21,7 @@ from haptics.errors import HapticsError, InputError
 from haptics.recording.output import replacing
 from haptics.session.configuration import Configuration, check_configuration, load_configuration
 from rigs.bench import BenchOptions
-from rigs.characterize import run_one
+from rigs.characterize import run_jobs, run_one
 from rigs.result import RigResult
 
 
@@ -35,9 +33,7 @@ def measure(rig: str, places: dict[str, int], options: BenchOptions, ask: Callab
     jobs = [replace(options, channel=channel) for channel in places.values()]
     board = "tactiles" if rig == "thermal" else "brake"
     if options.board_url(board).startswith("sim://"):
-        with ProcessPoolExecutor(mp_context=get_context("spawn")) as pool:
-            results = list(pool.map(run_one, [rig] * len(jobs), jobs))
-        return dict(zip(places, results, strict=True))
+        return dict(zip(places, run_jobs([(rig, job) for job in jobs], None, lambda _: None), strict=True))
     results = {}
     for place, job in zip(places, jobs, strict=True):
         ask(f"{rig}: attach the instruments to {place} (channel {job.channel}), then press enter ")

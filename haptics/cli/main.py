@@ -1,64 +1,10 @@
-"""The ``haptics`` command: arguments in, one library call, a table or ``--json`` out.
-
-Exit codes: see ``haptics.cli.program``. Other packages add commands through the entry point group ``haptics.commands``:
-``"group.name"`` adds ``name`` to the group, ``"name"`` adds it to the top.
-"""
+"""Where the ``haptics`` command begins. It loads the commands when it can already be ended in order: that takes a while."""
 
 from __future__ import annotations
 
-import sys
-from functools import cache
-from importlib.metadata import entry_points
 from typing import Any
 
-import typer
-from typer.core import TyperGroup
-
-from haptics.cli import configuration, fidelity, garment, link, predict, recording, run
-from haptics.cli.program import ENDINGS, ended_by, run_program
-
-
-class _Commands(TyperGroup):
-    """Turns what ends a command into lines on standard error and an exit code, before typer has its own way with it."""
-
-    def invoke(self, ctx: Any) -> Any:
-        try:
-            return super().invoke(ctx)
-        except ENDINGS as error:
-            sys.exit(ended_by(error))
-
-
-app = typer.Typer(
-    name="haptics",
-    cls=_Commands,
-    help="Wearable haptics, from a VR scene to volts on a wrist and back.",
-    no_args_is_help=True,
-    add_completion=False,
-    pretty_exceptions_enable=False,
-    context_settings={"help_option_names": ["-h", "--help"]},
-)
-_groups = {
-    "predict": predict.app,
-    "link": link.app,
-    "config": configuration.app,
-    "recording": recording.app,
-    "fidelity": fidelity.app,
-    "garment": garment.app,
-}
-for _name, _group in _groups.items():
-    app.add_typer(_group, name=_name)
-app.command("run")(run.run)
-app.command("scenes")(run.scenes)
-app.command("replay")(recording.replay)
-app.command("ports")(link.ports)
-app.command("off")(link.off)
-
-
-@cache  # once a process, however often main is called
-def _add_installed_commands() -> None:
-    for point in sorted(entry_points(group="haptics.commands"), key=lambda p: p.name):
-        group, _, name = point.name.rpartition(".")
-        (_groups[group] if group else app).command(name)(point.load())
+from haptics.cli.program import run_program
 
 
 def main() -> None:
@@ -67,8 +13,17 @@ def main() -> None:
 
 
 def _command_line() -> None:
-    _add_installed_commands()
-    app()
+    from haptics.cli.commands import command_line
+
+    command_line()
+
+
+def __getattr__(name: str) -> Any:
+    if name != "app":
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from haptics.cli.commands import app
+
+    return app
 
 
 if __name__ == "__main__":

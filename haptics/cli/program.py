@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import atexit
 import os
+import signal
 import sys
 from collections.abc import Callable
 from typing import Any, NoReturn
@@ -29,7 +31,14 @@ def run_program(body: Callable[[], Any]) -> NoReturn:
             code = stop.code
         except ENDINGS as error:
             code = ended_by(error)
+        atexit.register(_end_quietly)
         sys.exit(_flushed(code))
+
+
+def _end_quietly() -> None:
+    """While the interpreter takes itself down, Ctrl-C has nothing left to unwind, and no traceback to show."""
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 def ended_by(error: BaseException) -> int:

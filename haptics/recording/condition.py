@@ -7,11 +7,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from haptics.recording.hdf5_file import DamagedFile
 from haptics.recording.journal_reader import read_journal
 from haptics.recording.leftovers import advice, is_journal
 from haptics.recording.lock import being_written
 from haptics.recording.recording import load
-from haptics.recording.seal import check_seal
 
 
 @dataclass(frozen=True)
@@ -47,15 +47,15 @@ def condition_of(path: str | os.PathLike[str]) -> Condition:
     path = Path(path)
     if is_journal(path):
         return _of_journal(path)
-    found = check_seal(path)
-    if found is not None and not found.whole:
+    try:
+        recording = load(path)
+        for name in recording.streams:
+            recording.stream(name)
+        for name in recording.blobs:
+            recording.blob(name)
+    except DamagedFile as error:
         note = "nothing of it is believed; use a copy"
-        return Condition(path, "recording", False, 0, "", list(found.damage), False, notes=(note,))
-    recording = load(path)
-    for name in recording.streams:
-        recording.stream(name)
-    for name in recording.blobs:
-        recording.blob(name)
+        return Condition(path, "recording", False, 0, "", list(error.places), False, notes=(note,))
     return Condition(
         path,
         "recording",

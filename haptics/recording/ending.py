@@ -3,14 +3,28 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from haptics.ends import unbroken
 from haptics.errors import HapticsError, InputError
-from haptics.recording.hdf5 import Finalised, recover
+from haptics.recording.hdf5 import Finalised, finalise, recover
 from haptics.recording.journal import Journal
 from haptics.recording.journal_reader import read_journal
 from haptics.recording.leftovers import advice
+
+
+def finish(journal: Journal, out: str | os.PathLike[str], force: bool, footer: Mapping[str, Any]) -> Finalised:
+    """End a session well: its footer, and a recording of it in the journal's place. Signals wait until it is done.
+
+    :raises InputError, HapticsError: see ``finalise``; then, and for a signal, :func:`keep` says what there is.
+    """
+    with unbroken:
+        journal.close(footer)
+        made = finalise(journal.path, out, force=force)
+        journal.recording = made.path
+        return made
 
 
 def keep(journal: Journal, out: str | os.PathLike[str], force: bool, error: BaseException) -> Finalised | None:
@@ -18,9 +32,12 @@ def keep(journal: Journal, out: str | os.PathLike[str], force: bool, error: Base
 
     Never raises for a disk that is full or gone: then the journal stays, if anything does. Signals wait until it is done.
 
-    :returns: what was made; None where nothing could be.
+    :returns: what was made here; None where nothing could be, or was before.
     """
     with unbroken:
+        if journal.recording is not None:  # a signal that came while it was made
+            error.add_note(f"the recording {journal.recording} is complete")
+            return None
         made = None
         journal.raises = False
         journal.abandon()

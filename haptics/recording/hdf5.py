@@ -26,13 +26,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from haptics.ends import undisturbed
 from haptics.errors import HapticsError, InputError
-from haptics.recording.hdf5_file import writing
+from haptics.recording.hdf5_file import DAMAGE, writing
 from haptics.recording.journal_reader import JournalContents, read_journal
 from haptics.recording.lock import being_written
 from haptics.recording.output import replacing, same_file
 from haptics.recording.seal import seal
-from haptics.recording.streams import StreamSpec, field_type
+from haptics.recording.streams import StreamSpec, field_type, fits_attribute, is_unicode
 
 if TYPE_CHECKING:
     import h5py
@@ -104,22 +105,30 @@ def recover(
     if being_written(contents.path):
         raise InputError(f"{contents.path}: another process is still writing this journal")
     if contents.header is None:
-        raise InputError(f"{contents.path}: nothing to recover: no whole segment; it can be removed")
+        damage = contents.damage
+        if damage is None or damage.torn:
+            raise InputError(f"{contents.path}: nothing to recover: no whole segment; it can be removed")
+        raise InputError(
+            f"{contents.path}: nothing can be recovered: its start is damaged, at byte {damage.offset}: {damage.why}"
+        )
     return _convert(contents, Path(out_path), force, keep_journal or contents.dropped_bytes > 0)
 
 
 def _convert(contents: JournalContents, out: Path, force: bool, keep_journal: bool) -> Finalised:
     if same_file(out, contents.path):
         raise InputError(f"{out} is the journal itself; give the recording another name")
-    try:
-        with replacing(out, force) as partial:
-            _write(contents, partial)
-    except InputError:
-        raise
-    except HapticsError as error:
-        raise HapticsError(f"{error}; the journal {contents.path} is kept") from error
-    if not keep_journal:
-        _remove(contents.path)
+    with undisturbed():  # or a signal between moving the one and removing the other would leave both
+        try:
+            with replacing(out, force) as partial:
+                _write(contents, partial)
+        except InputError:
+            raise
+        except HapticsError as error:
+            raise HapticsError(f"{error}; the journal {contents.path} is kept") from error
+        except DAMAGE as error:
+            raise HapticsError(f"{out} cannot be made of the journal {contents.path}, which is kept: {error}") from error
+        if not keep_journal:
+            _remove(contents.path)
     return Finalised(
         out,
         contents.complete,
@@ -146,7 +155,7 @@ def _write(contents: JournalContents, path: Path) -> None:
         entry.attrs["complete"] = contents.complete
         entry.attrs["lost_bytes"] = contents.dropped_bytes
         entry.attrs["damage"] = _damage(contents)
-        if isinstance(header.get("title"), str):
+        if isinstance(header.get("title"), str) and is_unicode(header["title"]):
             _text(entry, "title", header["title"])
         if plots:
             entry.attrs["default"] = next(iter(plots))
@@ -155,7 +164,7 @@ def _write(contents: JournalContents, path: Path) -> None:
         if contents.footer is not None:
             _text(provenance, "footer", _json(contents.footer))
         for name, value in header.items():
-            if name.isidentifier() and _fits_attribute(value):
+            if name.isidentifier() and fits_attribute(name) and _fits_attribute(value):
                 provenance.attrs[name] = value
         attachments = _group(entry, "attachments", "NXcollection")
         for name in contents.blobs:
@@ -224,8 +233,9 @@ def _plots(contents: JournalContents, wanted: Any) -> dict[str, str]:
         if floats:
             plots[name] = floats[0]
     first = next((name for name in plots if contents.count(name)), None)
-    if isinstance(wanted, Mapping) and wanted.get("stream") in contents.streams:
-        spec, signal = contents.streams[wanted["stream"]], wanted.get("signal")
+    stream, signal = (wanted.get("stream"), wanted.get("signal")) if isinstance(wanted, Mapping) else (None, None)
+    if isinstance(stream, str) and stream in contents.streams:
+        spec = contents.streams[stream]
         if signal in spec.fields and signal != "time_ns" and field_type(spec.dtype, signal)[0].kind in "iuf":
             plots[spec.name] = signal
             first = spec.name
@@ -257,7 +267,8 @@ def _attach(group: h5py.Group, name: str, data: bytes) -> None:
 
 
 def _json(data: Mapping[str, Any]) -> str:
-    return json.dumps(data, sort_keys=True, ensure_ascii=False)
+    text = json.dumps(data, sort_keys=True, ensure_ascii=False)
+    return text if is_unicode(text) else json.dumps(data, sort_keys=True)
 
 
 def _damage(contents: JournalContents) -> str:
@@ -268,5 +279,5 @@ def _damage(contents: JournalContents) -> str:
 
 def _fits_attribute(value: Any) -> bool:
     if isinstance(value, str):
-        return "\0" not in value and len(value) < 1000  # all attributes of a group share 64 KiB
+        return fits_attribute(value)
     return isinstance(value, float) or (isinstance(value, int) and abs(value) < 2**63)

@@ -10,6 +10,8 @@ are refused, not followed.
 from __future__ import annotations
 
 import io
+import math
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -18,13 +20,27 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from haptics.ends import undisturbed
 from haptics.errors import HapticsError, InputError
 
 _FILTERS = {1: "gzip", 2: "shuffle", 3: "fletcher32"}
 DAMAGE = (ArithmeticError, AttributeError, LookupError, MemoryError, OSError, RuntimeError, SystemError, TypeError, ValueError)
 """What h5py raises where a file is damaged; which of them depends on what it meets first."""
+_CUT = re.compile(r"truncated file: eof = (\d+),.* stored_eof = (\d+)")
 _LARGEST_RATIO = 1100
 """gzip packs 1032 bytes into one, at the very best."""
+
+
+class DamagedFile(InputError):
+    """A file that is not as it was written.
+
+    :ivar places: where: datasets by name, or words.
+    """
+
+    def __init__(self, path: Path, places: tuple[str, ...], most: int = 8):
+        more = f" and {len(places) - most} more" if len(places) > most else ""
+        super().__init__(f"{path} is damaged, or was changed since it was written: {', '.join(places[:most])}{more}")
+        self.places = places
 
 
 class _Sink(io.RawIOBase):
@@ -72,13 +88,13 @@ class _Sink(io.RawIOBase):
 
 @contextmanager
 def writing(path: Path) -> Iterator[Any]:
-    """A new HDF5 file at ``path``.
+    """A new HDF5 file at ``path``. Signals wait: HDF5 calls :class:`_Sink`, and crashes where that is broken off.
 
     :raises OSError: it cannot be written.
     """
     import h5py
 
-    with path.open("w+b", buffering=0) as raw:
+    with undisturbed(), path.open("w+b", buffering=0) as raw:
         sink = _Sink(raw)
         try:
             with h5py.File(sink, "w") as file:
@@ -93,7 +109,8 @@ def writing(path: Path) -> Iterator[Any]:
 def reading(path: Path) -> Iterator[Any]:
     """An HDF5 file that is there.
 
-    :raises InputError: no such file, or whatever goes wrong while it is read.
+    :raises DamagedFile: it is cut short.
+    :raises InputError: no such file, or whatever else goes wrong while it is read.
     """
     import h5py
 
@@ -105,7 +122,16 @@ def reading(path: Path) -> Iterator[Any]:
     except FileNotFoundError:
         raise InputError(f"{path}: no such file") from None
     except DAMAGE as error:
-        raise InputError(f"{path} cannot be read as HDF5: {error or type(error).__name__}") from error
+        raise _unreadable(path, error) from error
+
+
+def _unreadable(path: Path, error: Exception) -> InputError:
+    cut = _CUT.search(str(error))
+    if cut is not None:
+        return DamagedFile(path, (f"cut short, {cut[1]} bytes are left of {cut[2]} and more",))
+    other = "file signature not found" in str(error)
+    why = "it does not begin as such a file does" if other else str(error) or type(error).__name__
+    return InputError(f"{path} cannot be read as HDF5: {why}")
 
 
 def group_at(parent: Any, name: str) -> Any:
@@ -145,7 +171,28 @@ def dataset_at(parent: Any, name: str) -> Any:
     claimed = int(np.prod([float(n) for n in found.shape]) * found.dtype.itemsize)
     if claimed > _LARGEST_RATIO * Path(parent.file.filename).stat().st_size:
         raise InputError(f"{where} claims to hold {claimed} bytes, more than the file can")
+    if found.size and found.chunks and _chunks_missing(found):
+        raise InputError(f"{where}: some of its values were never written")  # HDF5 would make them up
+    if found.size and not found.chunks and found.id.get_storage_size() < claimed:
+        raise InputError(f"{where}: its values were never written")
     return found
+
+
+def _chunks_missing(dataset: Any) -> bool:
+    due = math.prod(-(-size // chunk) for size, chunk in zip(dataset.shape, dataset.chunks, strict=True))
+    return dataset.id.get_num_chunks() < due
+
+
+def column_at(parent: Any, name: str) -> Any:
+    """A dataset of numbers, text or bytes of a fixed length.
+
+    :raises InputError: there is none.
+    """
+    dataset = dataset_at(parent, name)
+    if dataset.dtype.names or dataset.dtype.hasobject:
+        where = f"{parent.file.filename}: {dataset.name}"
+        raise InputError(f"{where} has type {dataset.dtype}; allowed: numbers, text or bytes of a fixed length")
+    return dataset
 
 
 def values_at(parent: Any, name: str) -> NDArray[Any]:
@@ -153,7 +200,7 @@ def values_at(parent: Any, name: str) -> NDArray[Any]:
 
     :raises InputError: there is none, or it cannot be read.
     """
-    dataset = dataset_at(parent, name)
+    dataset = column_at(parent, name)
     with _placed(dataset):
         return np.asarray(dataset[()])
 

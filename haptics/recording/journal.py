@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import json
 import os
-import re
 import shutil
 import tempfile
 from collections.abc import Mapping
@@ -28,10 +27,9 @@ from haptics.errors import HapticsError, InputError
 from haptics.recording.leftovers import refuse_leftover
 from haptics.recording.lock import try_lock
 from haptics.recording.segments import MAGIC, MAX_PAYLOAD_BYTES, Kind, pack
-from haptics.recording.streams import StreamSpec
+from haptics.recording.streams import BLOB_NAME, StreamSpec, is_unicode
 
 ROWS_PER_SEGMENT = 1024
-_BLOB_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,254}")
 
 
 class Stream:
@@ -139,6 +137,8 @@ class Journal:
         self._torn = False
         self.raises = True
         self.error: HapticsError | None = None
+        self.recording: Path | None = None
+        """What was made of it when its session ended well."""
 
     @classmethod
     def create(
@@ -212,7 +212,7 @@ class Journal:
 
         :raises InputError: the name is taken or is no plain file name, or the data is 4 GiB or more.
         """
-        if not _BLOB_NAME.fullmatch(name):
+        if not BLOB_NAME.fullmatch(name):
             raise InputError(f"attachment name = {name!r} is not allowed; allowed: up to 255 letters, digits and _ . -")
         if name in self._blobs:
             raise InputError(f"attachment {name!r} is given twice in {self.path}")
@@ -331,6 +331,7 @@ def _rescued(file: BinaryIO, path: Path) -> Path:
 
 def _json(what: str, data: Mapping[str, Any]) -> bytes:
     try:
-        return json.dumps(dict(data), sort_keys=True, allow_nan=False, ensure_ascii=False).encode()
+        text = json.dumps(dict(data), sort_keys=True, allow_nan=False, ensure_ascii=False)
+        return text.encode() if is_unicode(text) else json.dumps(dict(data), sort_keys=True, allow_nan=False).encode()
     except (TypeError, ValueError) as error:
         raise InputError(f"{what} is not plain JSON data: {error}") from error

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from haptics.errors import InputError
 from haptics.recording.segments import HEAD_BYTES, MAGIC, Damage, Kind, Segment, scan
-from haptics.recording.streams import StreamSpec
+from haptics.recording.streams import BLOB_NAME, StreamSpec
 
 
 @dataclass
@@ -95,7 +95,7 @@ def read_journal(path: str | os.PathLike[str]) -> JournalContents:
                 raise InputError(f"{path}: byte {at} differs from {MAGIC!r}; this is no haptics journal")
             contents = JournalContents(path)
             if len(start) < len(MAGIC):
-                contents.damage = Damage(0, "the file ends inside its first line")
+                contents.damage = Damage(0, "the file ends inside its first line", torn=True)
             else:
                 contents.damage = _fill(contents, file)
     except OSError as error:
@@ -112,9 +112,18 @@ def _fill(contents: JournalContents, file: BinaryIO) -> Damage | None:
             return segment
         try:
             _take(contents, specs, segment)
-        except (AttributeError, LookupError, RecursionError, SyntaxError, TypeError, ValueError) as error:
+        except (
+            ArithmeticError,
+            AttributeError,
+            LookupError,
+            MemoryError,
+            RecursionError,
+            SyntaxError,
+            TypeError,
+            ValueError,
+        ) as error:
             return Damage(segment.offset - HEAD_BYTES, f"a segment that makes no sense: {error}")
-    return None if contents.header is not None else Damage(len(MAGIC), "the file ends before its header")
+    return None if contents.header is not None else Damage(len(MAGIC), "the file ends before its header", torn=True)
 
 
 def _take(contents: JournalContents, specs: list[StreamSpec], segment: Segment) -> None:
@@ -139,7 +148,10 @@ def _take(contents: JournalContents, specs: list[StreamSpec], segment: Segment) 
         start = 2 + int.from_bytes(payload[:2], "little")
         if start > len(payload):
             raise ValueError("an attachment's name that ends beyond it")
-        contents._blobs[payload[2:start].decode()] = (segment.offset + start, len(payload) - start)
+        name = payload[2:start].decode()
+        if not BLOB_NAME.fullmatch(name) or name in contents._blobs:
+            raise ValueError(f"an attachment called {name[:40]!r}, or two of that name")
+        contents._blobs[name] = (segment.offset + start, len(payload) - start)
     elif segment.kind == Kind.FOOTER:
         contents.footer = _plain(payload)
     else:

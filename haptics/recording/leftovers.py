@@ -7,15 +7,18 @@ from pathlib import Path
 from haptics.errors import InputError
 from haptics.recording.journal_reader import read_journal
 from haptics.recording.lock import being_written
-from haptics.recording.output import refuse_existing
+from haptics.recording.output import refuse_existing, with_suffix
 from haptics.recording.segments import MAGIC
 
 SUFFIX = ".journal"
 
 
 def journal_of(recording: Path) -> Path:
-    """Where a session keeps its journal while it runs: beside the recording it will become."""
-    return recording.with_suffix(SUFFIX)
+    """Where a session keeps its journal while it runs: beside the recording it will become.
+
+    :raises InputError: ``recording`` names no file.
+    """
+    return with_suffix(recording, SUFFIX)
 
 
 def advice(journal: Path) -> str:
@@ -38,13 +41,20 @@ def refuse_leftover(path: Path, force: bool) -> None:
         if not force or path.stat().st_size:
             raise InputError(f"{path} exists and is no journal; choose another name for the recording")
         return
-    if read_journal(path).header is not None:
+    if not _begun_and_no_more(path):
         raise InputError(
             f"{path} holds what an earlier session recorded, and is not overwritten, not even by force; "
-            f"save it first: {advice(path)}; then remove it if it is still there"
+            f"save it first: {advice(path)}; then remove or rename it if it is still there"
         )
     if not force:
         raise InputError(f"{path} exists and holds nothing; remove it, choose another name or force it (--force)")
+
+
+def _begun_and_no_more(path: Path) -> bool:
+    """Whether a journal holds nothing, as its writer died over its first bytes. Where those are damaged instead, there may be a
+    way to what follows them."""
+    contents = read_journal(path)
+    return contents.header is None and (contents.damage is None or contents.damage.torn)
 
 
 def leftovers(folder: Path) -> list[Path]:

@@ -28,6 +28,16 @@ def refuse_existing(path: Path, force: bool) -> None:
         raise InputError(f"{path} exists and is not overwritten; choose another name or force it (--force)")
 
 
+def with_suffix(path: Path, suffix: str) -> Path:
+    """The file beside ``path`` with another ending.
+
+    :raises InputError: ``path`` has no name: it is empty, ``.`` or ``/``.
+    """
+    if not path.name:
+        raise InputError(f"{path} is a folder; a file name is wanted")
+    return path.with_suffix(suffix)
+
+
 def check_outputs(outputs: Mapping[str, Path | None], force: bool, inputs: Mapping[str, Path] | None = None) -> None:
     """Look, before anything takes time or is energised, whether all outputs can be written.
 

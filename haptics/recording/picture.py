@@ -38,6 +38,7 @@ def write_picture(recording: Recording, path: str | os.PathLike[str], *, force: 
     style = {**matplotlib.rcParamsDefault, "font.size": 9, "axes.edgecolor": _FAINT, "axes.axisbelow": True}
     style |= {"axes.spines.top": False, "axes.spines.right": False, "text.color": _INK, "axes.labelcolor": _INK}
     style |= {"grid.color": _FAINT, "grid.linewidth": 0.4, "lines.linewidth": 1.3, "legend.frameon": False}
+    style |= {"text.parse_math": False}  # a name with $ in it is a name
     with replacing(out, force) as partial, matplotlib.rc_context(style):
         figure = matplotlib.figure.Figure(figsize=(_WIDTH_IN, _HEIGHT_IN), dpi=110, layout="constrained")
         matplotlib.backends.backend_agg.FigureCanvasAgg(figure)
@@ -52,7 +53,8 @@ def _draw(figure: Any, recording: Recording, matplotlib: Any) -> None:
     origin_ns = view_data.start_ns(recording)
     moment_ns = _moment_ns(recording, ticks)
     top, below = figure.subfigures(2, 1, height_ratios=[_TOP, 1 - _TOP])
-    top.text(0.04, 0.96, str(recording.header.get("title") or recording.path.stem), fontsize=15, fontweight="bold", va="top")
+    title = str(recording.header.get("title") or recording.path.stem).encode(errors="replace").decode()
+    top.text(0.04, 0.96, title, fontsize=15, fontweight="bold", va="top")
     top.text(0.66, 0.84, "\n".join(_numbers(recording, ticks, sites.names)), va="top", linespacing=1.6)
     _hand(top, recording, sites, ticks, moment_ns, origin_ns, matplotlib)
 

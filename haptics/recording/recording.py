@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from haptics.errors import InputError
 from haptics.recording.hdf5 import SCHEMA
-from haptics.recording.hdf5_file import attribute_of, dataset_at, group_at, reading, text_at, values_at
-from haptics.recording.seal import Seal, check_seal
+from haptics.recording.hdf5_file import DamagedFile, attribute_of, dataset_at, group_at, reading, text_at, values_at
+from haptics.recording.seal import check_seal
 from haptics.recording.segments import MAGIC
 from haptics.recording.streams import StreamSpec
 
@@ -117,13 +117,13 @@ class Recording:
 def load(path: str | os.PathLike[str]) -> Recording:
     """Open a recording.
 
-    :raises InputError: no such file, no recording, an unfinished one, a damaged one (the message says where), or one of a later
-        version (the message says what to do).
+    :raises DamagedFile: it is damaged; the message says where.
+    :raises InputError: no such file, no recording, an unfinished one, or one of a later version (the message says what to do).
     """
     path = Path(path)
     found = check_seal(path)
     if found is not None and not found.whole:
-        raise InputError(f"{path} is damaged, or was changed since it was written: {_listed(found)}")
+        raise DamagedFile(path, found.damage)
     advice = _journal_advice(path)
     if advice:
         raise InputError(f"{path} cannot be read as HDF5{advice}")
@@ -139,13 +139,8 @@ def load(path: str | os.PathLike[str]) -> Recording:
                 "open it with a later one (pip install --upgrade haptics)"
             )
         if found is None and schema > _UNSEALED:
-            raise InputError(f"{path} is damaged, or was changed since it was written: the seal at its end is missing")
+            raise DamagedFile(path, ("the seal at its end is missing",))
         return Recording(path, file, verified=found is not None)
-
-
-def _listed(found: Seal, most: int = 8) -> str:
-    more = len(found.damage) - most
-    return ", ".join(found.damage[:most]) + (f" and {more} more" if more > 0 else "")
 
 
 def _journal_advice(path: Path) -> str:
@@ -188,6 +183,9 @@ def _stream(group: Any, name: str) -> tuple[StreamSpec, int]:
     units = {field: attribute_of(column, "units", str) for field, column in columns.items() if "units" in column.attrs}
     description = attribute_of(group, "description", str) if "description" in group.attrs else ""
     try:
+        for field, column in columns.items():
+            if column.dtype.names:
+                raise TypeError(f"{field} has type {column.dtype}")
         row = np.dtype([(field, np.dtype(column.dtype.str), column.shape[1:]) for field, column in columns.items()])
         return StreamSpec(name, row, units, description), rows["time_ns"]
     except (TypeError, ValueError) as error:

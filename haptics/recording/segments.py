@@ -56,10 +56,14 @@ class Segment:
 
 @dataclass(frozen=True)
 class Damage:
-    """Where reading stopped short of the file's end: at byte ``offset`` of the file, and ``why``."""
+    """Where reading stopped short of the file's end: at byte ``offset`` of the file, and ``why``.
+
+    ``torn``: the file ends there, as it does where a writer died; else its bytes are not those that were written.
+    """
 
     offset: int
     why: str
+    torn: bool = False
 
 
 def pack(kind: Kind, stream: int, index: int, payload: bytes | memoryview) -> tuple[bytes, bytes, bytes | memoryview]:
@@ -78,7 +82,7 @@ def scan(file: BinaryIO) -> Iterator[Segment | Damage]:
     file.seek(offset)
     while offset < size:
         if size - offset < HEAD_BYTES:
-            yield Damage(offset, "the file ends inside a segment's head")
+            yield Damage(offset, "the file ends inside a segment's head", torn=True)
             return
         head = file.read(_HEAD.size)
         (crc,) = _CRC.unpack(file.read(_CRC.size))
@@ -87,7 +91,7 @@ def scan(file: BinaryIO) -> Iterator[Segment | Damage]:
             yield Damage(offset, "no segment starts here")
             return
         if length > size - offset - HEAD_BYTES:
-            yield Damage(offset, "the file ends inside a segment's payload")
+            yield Damage(offset, "the file ends inside a segment's payload", torn=not _more(file))
             return
         payload = file.read(length)
         if zlib.crc32(payload, zlib.crc32(head)) != crc:
@@ -99,3 +103,13 @@ def scan(file: BinaryIO) -> Iterator[Segment | Damage]:
         yield Segment(kind, stream, offset + HEAD_BYTES, payload)
         offset += HEAD_BYTES + length
         index += 1
+
+
+def _more(file: BinaryIO) -> bool:
+    """Whether a segment begins in what is left: then it was not the end of the file that was lost, but a length that is wrong."""
+    kept = b""
+    while piece := file.read(1 << 20):
+        if _MARKER in kept + piece:
+            return True
+        kept = piece[-len(_MARKER) + 1 :]
+    return False

@@ -18,6 +18,10 @@ from haptics.errors import InputError
 
 _NAME = re.compile(r"[a-z][a-z0-9_]*")
 _KINDS = "biufSV"
+_MOST_AXES = 16
+_WORDS = {"b": "boolean", "i": "integer", "u": "unsigned integer", "f": "float", "S": "text", "V": "bytes"}
+BLOB_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,254}")
+"""What an attachment may be called."""
 RESERVED = ("provenance", "attachments", "title")
 """Names that a recording's own groups use."""
 
@@ -26,7 +30,7 @@ RESERVED = ("provenance", "attachments", "title")
 class StreamSpec:
     """One stream: ``name``, row type, ``units`` by field (fields without a unit left out), a sentence on what it holds.
 
-    :raises InputError: a name, field or unit that cannot be recorded.
+    :raises InputError: a name, field, unit or description that cannot be recorded.
     """
 
     name: str
@@ -45,6 +49,9 @@ class StreamSpec:
         if unknown:
             raise InputError(f"stream {self.name}: units for {', '.join(unknown)}; its fields are {', '.join(self.fields)}")
         object.__setattr__(self, "units", {"time_ns": "ns", **self.units})
+        for what, text in (("description", self.description), *((f"unit of {name}", unit) for name, unit in self.units.items())):
+            if not fits_attribute(text):
+                raise InputError(f"stream {self.name}: {what} = {repr(text)[:60]} is not allowed; allowed: a line of text")
 
     @property
     def fields(self) -> tuple[str, ...]:
@@ -66,6 +73,36 @@ class StreamSpec:
         return cls(data["name"], row, data["units"], data["description"])
 
 
+def check_fields(where: str, spec: StreamSpec, wanted: Mapping[str, tuple[str, tuple[int, ...] | None]]) -> None:
+    """Hold a stream that was read against what its reader counts on.
+
+    :param where: the recording, for messages. :param wanted: for each field the kinds of its element (numpy's letters) and its
+        shape, or None for a number or a row of numbers.
+    :raises InputError: a field is missing, or is another.
+    """
+    for name, (kinds, shape) in wanted.items():
+        if name not in spec.fields:
+            raise InputError(f"{where}: stream {spec.name} has no field {name}; it has {', '.join(spec.fields)}")
+        base, found = field_type(spec.dtype, name)
+        if base.kind not in kinds or (len(found) > 1 if shape is None else found != shape):
+            want = f"{' or '.join(_WORDS[kind] for kind in kinds)}{'' if shape is None else list(shape)}"
+            raise InputError(f"{where}: field {name} of stream {spec.name} has type {base}{list(found)}; allowed: {want}")
+
+
+def fits_attribute(text: object) -> bool:
+    """Whether HDF5 keeps this as the text of an attribute; all attributes of a part share 64 KiB."""
+    return isinstance(text, str) and len(text) < 1000 and "\0" not in text and is_unicode(text)
+
+
+def is_unicode(text: str) -> bool:
+    """Not so, a path whose bytes are no UTF-8, as Python hands it over."""
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
 def field_type(dtype: np.dtype[Any], name: str) -> tuple[np.dtype[Any], tuple[int, ...]]:
     """Element type and shape ``()`` or ``(n, ...)`` of a row's field."""
     fields: Any = dtype.fields
@@ -82,10 +119,10 @@ def _packed(stream: str, dtype: np.dtype[Any]) -> np.dtype[np.void]:
         base, shape = field_type(dtype, name)
         if not _NAME.fullmatch(name):
             raise InputError(f"stream {stream}: field = {name!r}; allowed: lower-case letters, digits and _")
-        if base.kind not in _KINDS or base.names or not base.itemsize or 0 in shape:
+        if base.kind not in _KINDS or base.names or not base.itemsize or 0 in shape or len(shape) > _MOST_AXES:
             raise InputError(
                 f"stream {stream}: field {name} has type {base}{list(shape)}; allowed: integers, floats, booleans, "
-                "fixed-length bytes (S16, V64), and fixed arrays of these"
+                f"fixed-length bytes (S16, V64), and fixed arrays of these, of up to {_MOST_AXES} axes"
             )
         columns.append((name, base.newbyteorder("<"), shape))
     return np.dtype(columns)

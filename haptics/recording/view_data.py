@@ -12,7 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from haptics.errors import InputError
 from haptics.recording.recording import Recording
+from haptics.recording.streams import check_fields, is_unicode
 from haptics.time import NS_PER_S
 
 RISE_SCALE_K = 25.0
@@ -37,6 +39,16 @@ _NOMINAL_SITES = {
     **{f"palm_{finger}": (base + 1, base + 1) for finger, base in zip(FINGERS, _METACARPAL, strict=True)},
     "palm_outer": (2, 3),
 }
+
+
+_NUMBERS = "biuf"
+_KNOWN: dict[str, dict[str, tuple[str, tuple[int, ...] | None]]] = {
+    "poses": {"side": ("iu", ()), "accepted": ("biu", ()), "position_m": ("f", (26, 3)), "orientation_xyzw": ("f", (26, 4))},
+    "ticks": dict.fromkeys(("rise_k", "pin_out", "volts", "force_n", "piezo"), (_NUMBERS, None)),
+    "requests": {"site": ("Siu", ()), "kind": ("S", ()), "played": ("biu", ()), "reason": ("S", ())},
+    "events": {"kind": ("S", ()), "subject": ("S", ())},
+}
+"""What the fields are that views look for; see ``streams.check_fields``."""
 
 
 @dataclass(frozen=True)
@@ -65,12 +77,16 @@ class Sites:
 
 
 def sites_of(recording: Recording) -> Sites:
-    """The header's ``sites`` (``names``, ``weights``, ``offset_joint``, ``offset_m``), or a nominal glove's."""
+    """The header's ``sites`` (``names``, ``weights``, ``offset_joint``, ``offset_m``), or a nominal glove's.
+
+    :raises InputError: they are not of that form.
+    """
     given = recording.header.get("sites")
     if isinstance(given, dict) and {"names", "weights"} <= set(given):
-        weights = np.array(given["weights"], float)
-        joint = np.array(given.get("offset_joint", np.zeros(len(weights))), np.intp)
-        return Sites(tuple(given["names"]), weights, joint, np.array(given.get("offset_m", np.zeros((len(weights), 3))), float))
+        try:
+            return _sites(given)
+        except (OverflowError, TypeError, ValueError) as error:
+            raise InputError(f"{recording.path}: the header's sites cannot be drawn: {error}") from error
     weights = np.zeros((len(_NOMINAL_SITES), 26))
     for row, (one, other) in zip(weights, _NOMINAL_SITES.values(), strict=True):
         row[one] += 0.5
@@ -78,9 +94,31 @@ def sites_of(recording: Recording) -> Sites:
     return Sites(tuple(_NOMINAL_SITES), weights, np.zeros(len(weights), np.intp), np.zeros((len(weights), 3)))
 
 
+def _sites(given: dict[str, Any]) -> Sites:
+    weights = np.array(given["weights"], float)
+    count = len(given["names"])
+    joint = np.array(given.get("offset_joint", np.zeros(count, int)))
+    offset_m = np.array(given.get("offset_m", np.zeros((count, 3))), float)
+    if not all(isinstance(name, str) and is_unicode(name) for name in given["names"]):
+        raise TypeError("a name is no text")
+    if weights.shape != (count, 26) or joint.shape != (count,) or offset_m.shape != (count, 3):
+        raise ValueError(f"{count} names, weights {weights.shape}, offset_joint {joint.shape}, offset_m {offset_m.shape}")
+    if count and (joint.dtype.kind != "i" or joint.min() < 0 or joint.max() > 25):
+        raise ValueError("offset_joint names no joint")
+    if not (np.abs(weights) <= 1e3).all() or not (np.abs(offset_m) <= 1e3).all():
+        raise ValueError("a number that is no weight or offset")
+    return Sites(tuple(given["names"]), weights, joint.astype(np.intp), offset_m)
+
+
 def rows(recording: Recording, name: str, fields: Sequence[str]) -> NDArray[np.void]:
-    """A stream's rows, or none if it lacks the stream or one of ``fields``."""
+    """A stream's rows, or none if it lacks the stream or one of ``fields``.
+
+    :raises InputError: a field that views look for is of another type or shape.
+    """
     if name in recording and set(fields) <= set(recording.streams[name].fields):
+        spec = recording.streams[name]
+        known = {field: kind for field, kind in _KNOWN.get(name, {}).items() if field in spec.fields}
+        check_fields(str(recording.path), spec, known)
         return recording.stream(name)
     return np.zeros(0, [("time_ns", "<i8"), *((field, "<f4") for field in fields)])
 
@@ -111,7 +149,7 @@ def glove_side(recording: Recording) -> str:
 def start_ns(recording: Recording) -> int:
     """When the session began: the header's ``start_ns``, or the earliest row that a view shows."""
     given = recording.header.get("start_ns")
-    if isinstance(given, int):
+    if isinstance(given, int) and abs(given) < 2**62:
         return given
     shown = [rows(recording, name, ())["time_ns"] for name in ("poses", "ticks", "events")]
     return min((int(time_ns.min()) for time_ns in shown if time_ns.size), default=0)

@@ -205,6 +205,10 @@ class PatternBank:
         playing = [(name, player) for name, player in self._players if player.playing]
         return sorted((time_ns, site, name) for name, player in playing for time_ns, site in player.due(now_ns, until_ns))
 
+    def take_missed(self) -> list[int]:
+        """Site indices of pulses that nobody asked for in time, since the last call."""
+        return [site for _, player in self._players for site in player.take_missed()]
+
     def stop(self) -> None:
         """Silence everything."""
         for _, player in self._players:

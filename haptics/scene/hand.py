@@ -279,7 +279,8 @@ def _not_a_hands_size(joint: int, reach_m: float, palm_m: Floats) -> str:
         where = ", ".join(f"{part:g}" for part in palm_m)
         return (
             f"no hand has its joints in one point: all lie within {reach_m * 1e3:.3g} mm of the palm at {where} m; "
-            f"allowed: the farthest from {NEAREST_M * 1e3:g} mm on"
+            f"allowed: the farthest from {NEAREST_M * 1e3:g} mm on; "
+            "are its lengths in the right unit (a HandFrame has metres, a Leap recording millimetres)?"
         )
     return f"{JOINTS[joint]} lies {reach_m:.3g} m from the palm; allowed: up to {WIDEST_M:g} m; is the unit metres?"
 

@@ -45,6 +45,9 @@ METACARPAL_SHARE = 0.72
 HOPELESS = 1000
 """So many refused poses, a large share so far, and no more of the file is read."""
 
+FASTEST_S, SLOWEST_S = 1e-3, 0.5
+"""A tracker's frames are no nearer and no farther apart, in the median (assumed; those in use give some 10 to 300 a second)."""
+_REPEATED = "frames that repeat a time stamp"
 _HEADERS = frozenset({"version", "serviceVersion", "state", "event"})
 
 
@@ -143,6 +146,11 @@ class _Reading:
         self._check_share()
         if not keep.any():
             raise InputError("frames is missing or empty; allowed: at least one frame")
+        repeated = self._dropped[_REPEATED]
+        if 2 * repeated > len(time_ns):
+            raise InputError(
+                f"{repeated} of {len(time_ns)} frames repeat a timestamp; allowed: one of its own for each, in whole microseconds"
+            )
         kept_ns = time_ns[keep]
         first_ns, last_ns = int(kept_ns[0]), int(kept_ns[-1])
         return HandRecording(
@@ -152,7 +160,7 @@ class _Reading:
             duration_s=(last_ns - first_ns) / NS_PER_S,
             dropped=dict(self._dropped),
             refused=tuple(RefusedPose(None if at is None else at - first_ns, side, reason) for at, side, reason in self._refused),
-            notes=self._notes(),
+            notes=(*self._notes(), *_of_rate(kept_ns)),
         )
 
     def _leave_out(self, time_ns: np.ndarray, keep: np.ndarray) -> None:
@@ -167,7 +175,7 @@ class _Reading:
         for index in np.flatnonzero(~keep).tolist():
             at_ns = int(time_ns[index])
             if at_ns in kept:
-                self._dropped["frames that repeat a time stamp"] += 1
+                self._dropped[_REPEATED] += 1
                 continue
             place = self._place.format(self._places[index])
             reason = f"{place}.timestamp = {at_ns / NS_PER_US:.16g} us {why_not(time_ns, keep, index)}"
@@ -206,6 +214,14 @@ class _Reading:
         if isinstance(version, bool) or str(version) != str(PROTOCOL_VERSION):
             return (f"{self._source} says protocol version {str(version)[:20]!r}; its frames read as version {PROTOCOL_VERSION}",)
         return ()
+
+
+def _of_rate(time_ns: np.ndarray) -> list[str]:
+    apart_s = float(np.median(np.diff(time_ns))) / NS_PER_S if len(time_ns) > 2 else SLOWEST_S
+    if FASTEST_S <= apart_s <= SLOWEST_S:
+        return []
+    how = "fast" if apart_s < FASTEST_S else "slow"
+    return [f"the frames are {apart_s:.3g} s apart, and no tracker is so {how}; are the time stamps in microseconds?"]
 
 
 def _track(number: int, track: _OpenTrack) -> HandTrack:

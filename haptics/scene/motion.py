@@ -58,7 +58,7 @@ def judge_motion(recording: HandRecording, side: str = "auto", source: str | Non
             index = min(found)
             first = f"pose {index} at {frames[index].time_ns / NS_PER_S:.3f} s is refused: {found[index].reason}"
         share = f"{len(found) + len(unread)} of {total} poses of the {chosen} hand cannot be used"
-        raise InputError(f"hand {source}: {first} ({share})")
+        raise InputError("; ".join((f"hand {source}: {first} ({share})", *recording.notes)))
     kept = tuple(frame for index, frame in enumerate(frames) if index not in found)
     refused = tuple(sorted((*unread, *found.values()), key=lambda pose: (pose.time_ns is None, pose.time_ns or 0)))
     left = _without(recording, chosen, kept) if found else recording

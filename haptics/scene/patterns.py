@@ -148,6 +148,7 @@ class PatternPlayer:
         self._end_ns: int | None = None
         self._anchor_ns, self._anchor_phase = 0, 0.0  # at this time the playback was at this phase, counted in refreshes
         self._refresh, self._index = 0, 0  # the next pulse to hand out
+        self._missed: list[int] = []
 
     @property
     def playing(self) -> bool:
@@ -190,7 +191,8 @@ class PatternPlayer:
     def due(self, now_ns: int, until_ns: int) -> list[tuple[int, int]]:
         """Pulses with ``now_ns <= time < until_ns`` that were not handed out before, as (time_ns, site index).
 
-        Pulses that fell due before ``now_ns`` and were never asked for are dropped: a pattern late is a pattern wrong.
+        Pulses that fell due before ``now_ns`` and were never asked for are dropped, as a pattern late is a pattern wrong;
+        ``take_missed`` has them.
         """
         found: list[tuple[int, int]] = []
         while self._playing:
@@ -206,9 +208,17 @@ class PatternPlayer:
             self._index += 1
             if self._index == len(pulses):
                 self._refresh, self._index = self._refresh + 1, 0
-            if time_ns >= now_ns and (self._sites is None or pulse.site in self._sites):
-                found.append((time_ns, pulse.site))
+            if self._sites is None or pulse.site in self._sites:
+                if time_ns >= now_ns:
+                    found.append((time_ns, pulse.site))
+                else:
+                    self._missed.append(pulse.site)
         return found
+
+    def take_missed(self) -> list[int]:
+        """Site indices of the pulses that were dropped since the last call."""
+        missed, self._missed = self._missed, []
+        return missed
 
 
 def _checked_scale(scale: float) -> float:

@@ -8,12 +8,19 @@ import numpy as np
 
 from haptics.errors import InputError
 from haptics.recording import Recording, load
+from haptics.recording.streams import check_fields
 from haptics.scene.hand import SIDES, HandRecording, HandTrack
 from haptics.scene.time_order import LONGEST_S
 from haptics.time import NS_PER_S
 
 SIGNATURE = b"\x89HDF"
-_FIELDS = {"side": (), "track": (), "sampled_ns": (), "position_m": (26, 3), "orientation_xyzw": (26, 4)}
+_FIELDS: dict[str, tuple[str, tuple[int, ...] | None]] = {
+    "side": ("iu", ()),
+    "track": ("iu", ()),
+    "sampled_ns": ("i", ()),
+    "position_m": ("f", (26, 3)),
+    "orientation_xyzw": ("f", (26, 4)),
+}
 
 
 def load_recorded(path: Path) -> HandRecording:
@@ -24,10 +31,13 @@ def load_recorded(path: Path) -> HandRecording:
     recording = load(path)
     if "poses" not in recording:
         raise InputError(f"hand {path}: the recording has no stream `poses`; allowed: one that `haptics run` made")
+    check_fields(f"hand {path}", recording.streams["poses"], _FIELDS)
     poses, start_ns = recording.stream("poses"), motion_start_ns(recording)
-    missing = [name for name in _FIELDS if name not in (poses.dtype.names or ()) or poses.dtype[name].shape != _FIELDS[name]]
-    if missing:
-        raise InputError(f"hand {path}: its poses lack {', '.join(missing)}, or have them in another shape; allowed: as recorded")
+    for index, sampled_ns in enumerate(poses["sampled_ns"].tolist()):
+        if abs(sampled_ns - start_ns) > LONGEST_S * NS_PER_S:
+            raise InputError(
+                f"hand {path}: pose {index} is {(sampled_ns - start_ns) / NS_PER_S:.6g} s from the start of the motion"
+            )
     tracks = []
     for side, track in dict.fromkeys(zip(poses["side"].tolist(), poses["track"].tolist(), strict=True)):
         if not 0 <= side < len(SIDES):
@@ -58,6 +68,7 @@ def motion_start_ns(recording: Recording) -> int:
     :raises InputError: the recording does not say.
     """
     events = recording.stream("events")
+    check_fields(str(recording.path), recording.streams["events"], {"kind": ("S", ())})
     started = events["time_ns"][events["kind"] == b"start"]
     if not len(started):
         raise InputError(f"{recording.path}: no event `start`; the run ended before its motion began")

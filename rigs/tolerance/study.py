@@ -13,7 +13,7 @@ import numpy as np
 from numpy.random import SeedSequence
 from numpy.typing import NDArray
 
-from haptics.ends import end_workers
+from haptics.ends import end_workers, shield_tracker
 from haptics.units import in_range
 from rigs.tolerance.calibration import NOISES, BenchUncertainty, calibrated_host, published_host
 from rigs.tolerance.draws import GREATEST_SPREAD, NAMES, NOMINAL_DEVICE, VARIED, Varied, checked_names, device
@@ -100,6 +100,7 @@ def process_pool(workers: int | None = None) -> AbstractContextManager[Executor]
 
 @contextmanager
 def _pool(workers: int | None) -> Iterator[Executor]:
+    shield_tracker()
     with ProcessPoolExecutor(workers, get_context("spawn"), signal.signal, (signal.SIGINT, signal.SIG_IGN)) as pool:
         try:
             yield pool

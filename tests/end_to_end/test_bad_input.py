@@ -136,3 +136,17 @@ def test_an_impossible_configuration(run, haptics, tmp_path, text, words):
 @pytest.mark.parametrize("value", [-1, 1e9, "nan"])
 def test_an_impossible_latency(run, value):
     _refused(run("playground", "synthetic", "--latency-ms", value), "latency")
+
+
+def test_a_journal_without_a_name(haptics):
+    _refused(haptics("recording", "recover", "/"), "a file name is wanted")
+
+
+def test_names_that_are_no_text_and_names_with_signs_of_formulas_are_names(haptics, tmp_path):
+    hand = tmp_path / "a$b_{c$\udcff.json"
+    hand.write_text(json.dumps(_leap([_hand_frame(10_000 * index) for index in range(5)])))
+    out, picture = tmp_path / "out.h5", tmp_path / "out.png"
+    done = haptics("run", "desk", "--hand", hand, "--out", out, "--picture", picture, "--json")
+    assert done.code == 0, done.err
+    assert picture.stat().st_size
+    assert haptics("recording", "info", out, "--json").json["header"]["hand"] == str(hand)

@@ -12,8 +12,10 @@ import h5py
 import numpy as np
 import pytest
 
+from haptics.errors import InputError
 from haptics.recording.seal import seal
 from haptics.session.configuration import Configuration
+from haptics.session.replay import replay_recording
 from haptics.session.run import RunOptions, run_scene
 
 SCENE = "tennis"  # drives both boards
@@ -151,3 +153,55 @@ def test_a_recording_is_a_hand(haptics, recorded, tmp_path):
         poses[name].append(wire)
     for first, second in zip(*poses.values(), strict=True):
         assert np.array_equal(first, second)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"ports": None},
+        {"ports": {"tactiles": 5, "brake": None}},
+        {"ports": {"tactiles": None}},
+        {"realtime": "no"},
+        {"latency_s": "0.01"},
+        {"seed": None},
+        {"side": 3},
+        {"configuration": None},
+        {"levels": 7},
+        {"levels": {"latch": 1}},
+        {"tolerance_jnd": "x"},
+    ],
+)
+def test_a_header_that_no_run_writes_is_refused(copy, change):
+    with changed(copy) as file:
+        header = json.loads(file["entry/provenance/header"][()])
+        del file["entry/provenance/header"]
+        file["entry/provenance/header"] = json.dumps({**header, **change})
+    with pytest.raises(InputError, match=rf"copy.h5 cannot be replayed: {next(iter(change))} = .* is not what a run writes"):
+        replay_recording(copy)
+
+
+@pytest.mark.parametrize(
+    ("column", "value"),
+    [
+        ("poses/side", 1.5),
+        ("poses/side", b"x"),
+        ("poses/sampled_ns", 0.5),
+        ("poses/track", b"x"),
+        ("events/kind", 3),
+        ("wire/data", 3),
+    ],
+)
+def test_a_column_of_another_type_is_refused(copy, column, value):
+    with changed(copy) as file:
+        rows = len(file[f"entry/{column}"])
+        del file[f"entry/{column}"]
+        file[f"entry/{column}"] = np.full(rows, value)
+    with pytest.raises(InputError, match=r"copy.h5"):
+        replay_recording(copy)
+
+
+def test_a_pose_beyond_any_recording_is_refused(copy):
+    with changed(copy) as file:
+        file["entry/poses/sampled_ns"][5] = -(2**63)
+    with pytest.raises(InputError, match=r"pose 5 is .* s from the start of the motion"):
+        replay_recording(copy)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import random
 from pathlib import Path
 from typing import Any
@@ -12,9 +13,11 @@ import pytest
 from recorded_session import record_session
 
 from haptics.errors import InputError
-from haptics.recording import JournalContents, Recording, finalise, load, read_journal, recover
+from haptics.recording import Journal, JournalContents, Recording, finalise, load, read_journal, recover, view_data
 from haptics.recording.condition import condition_of
+from haptics.recording.leftovers import refuse_leftover
 from haptics.recording.seal import check_seal, seal
+from haptics.recording.segments import HEAD_BYTES, MAGIC, Kind, pack
 
 
 def everything(recording: Recording) -> dict[str, Any]:
@@ -194,9 +197,24 @@ def attribute_is(place: str, name: str, value: Any) -> Any:
     return lambda file: file[place].attrs.__setitem__(name, value)
 
 
+def compound_column(file: Any) -> None:
+    file["entry/ticks/x"] = np.zeros(300, [("a", "i4"), ("b", "f4")])
+
+
+def unwritten_chunks(file: Any) -> None:
+    file["entry/ticks"].create_dataset("x", (300,), "f4", chunks=(100,))[:100] = 1.0
+
+
+def text_elsewhere(file: Any) -> None:
+    file["entry/attachments/words"] = ["a", "b"]  # kept as pointers
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [
+        (compound_column, "/entry/ticks is no stream: x has type"),
+        (unwritten_chunks, "/entry/ticks/x: some of its values were never written"),
+        (text_elsewhere, "/entry/attachments/words has type object"),
         (cut_column, "/entry/ticks: its columns differ in length: .*volts 7"),
         (external_link, "/entry/ticks is a link to /etc/hostname"),
         (soft_link, "/entry/more is a link"),
@@ -233,6 +251,100 @@ def test_what_is_not_laid_out_as_it_should_be_is_refused_with_the_place(recordin
     with pytest.raises(InputError, match=words) as refused:
         everything(load(path))
     assert "r.h5" in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("place", "values"),
+    [
+        ("ticks/rise_k", np.full((300, 15), b"abc")),
+        ("ticks/volts", np.zeros((300, 2, 2))),
+    ],
+)
+def test_a_view_refuses_a_field_of_another_type(recording, tmp_path, place, values):
+    def change(file: Any) -> None:
+        del file[f"entry/{place}"]
+        file[f"entry/{place}"] = values
+
+    name = place.rpartition("/")[2]
+    with pytest.raises(InputError, match=rf"r\.h5: field {name} of stream ticks has type .*; allowed: "):
+        view_data.rows(load(forged(recording.path, tmp_path / "r.h5", change)), "ticks", ())
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"names": 5},
+        {"names": [1]},
+        {"weights": [[1.0]]},
+        {"weights": "x"},
+        {"offset_joint": [99]},
+        {"offset_joint": [0.5]},
+        {"offset_m": [[1e300, 0, 0]]},
+    ],
+)
+def test_a_view_refuses_sites_that_are_none(recording, tmp_path, wrong):
+    sites = {"names": ["a"], "weights": [[0.0] * 26], "offset_joint": [3], "offset_m": [[0.0] * 3]}
+    path = forged(recording.path, tmp_path / "r.h5", header_is(json.dumps({"sites": {**sites, **wrong}})))
+    with pytest.raises(InputError, match=r"r\.h5: the header's sites cannot be drawn"):
+        view_data.sites_of(load(path))
+
+
+def journal_of(segments: list[tuple[Kind, bytes]]) -> bytes:
+    return MAGIC + b"".join(bytes(part) for index, (kind, data) in enumerate(segments) for part in pack(kind, 0, index, data))
+
+
+STREAM = {"name": "ticks", "fields": [["time_ns", "<i8", []]], "units": {}, "description": ""}
+
+
+@pytest.mark.parametrize(
+    ("kind", "data"),
+    [
+        *((Kind.STREAM, {**STREAM, "units": {"time_ns": unit}}) for unit in (5, None, [], "\ud800", "a\0b", "x" * 70_000)),
+        *((Kind.STREAM, {**STREAM, "description": words}) for words in (5, None, {}, "\ud800", "a\0b", "x" * 70_000)),
+        (Kind.STREAM, {**STREAM, "fields": [*STREAM["fields"], ["v", "<f4", [1] * 40]]}),
+        *((Kind.BLOB, name) for name in (b"", b".", b"..", b"a/b", b"/entry", b"\0", b"a", b"x" * 300)),
+    ],
+)
+def test_a_forged_segment_ends_what_is_believed_of_a_journal(tmp_path, kind, data):
+    payload = json.dumps(data).encode() if isinstance(data, dict) else len(data).to_bytes(2, "little") + data + b"forged"
+    header, attached = (Kind.HEADER, b"{}"), (Kind.BLOB, b"\1\0agood")
+    path = tmp_path / "r.journal"
+    path.write_bytes(journal_of([header, attached, (kind, payload), (Kind.FOOTER, b"{}")]))
+    made = recover(path, tmp_path / "r.h5")
+    assert made.journal_kept
+    assert "makes no sense" in made.damage
+    assert load(made.path).blob("a") == b"good"
+
+
+@pytest.mark.parametrize(
+    "header",
+    [
+        {"default_plot": {"stream": []}},
+        {"default_plot": 5},
+        {"hand": "\udcff.json", "title": "\udcff"},
+        {"\ud800": 1},
+        {"k" * 70_000: 1},
+        {f"k{index}": "x" * 900 for index in range(100)},
+    ],
+)
+def test_whatever_a_header_holds_is_recorded(tmp_path, header):
+    with Journal.create(tmp_path / "r.journal", header) as journal:
+        journal.close()
+    finalise(journal.path, tmp_path / "r.h5")
+    assert load(tmp_path / "r.h5").header == header
+
+
+def test_a_journal_whose_start_is_damaged_is_not_overwritten(tmp_path):
+    path = record_session(tmp_path / "r.journal")
+    whole = path.read_bytes()
+    for at in (len(MAGIC) + 12, len(MAGIC) + 15, len(MAGIC) + HEAD_BYTES + 5):  # the header's length, and its text
+        path.write_bytes(flipped(whole, 8 * at))
+        with pytest.raises(InputError, match="is not overwritten, not even by force"):
+            refuse_leftover(path, force=True)
+        with pytest.raises(InputError, match="its start is damaged"):
+            recover(path, tmp_path / "r.h5")
+    path.write_bytes(whole[: len(MAGIC) + 20])  # its writer died over it
+    refuse_leftover(path, force=True)
 
 
 def rows_of(contents: JournalContents) -> dict[str, bytes]:

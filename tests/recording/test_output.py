@@ -126,3 +126,9 @@ def test_a_disk_that_is_full_at_any_byte_is_an_error_and_leaves_the_journal(tmp_
     assert (done.returncode, done.stderr) == (0, "")  # no crash at the end of the process either
     assert sorted(path.name for path in tmp_path.iterdir()) == ["j", "whole.h5"]
     assert load(finalise(journal, tmp_path / "r.h5").path).complete
+
+
+@pytest.mark.parametrize("name", ["", ".", "/"])
+def test_a_recording_without_a_name_is_refused(name):
+    with pytest.raises(InputError, match="is a folder; a file name is wanted"):
+        journal_of(Path(name))

@@ -423,3 +423,37 @@ def test_several_bad_members_load_or_are_refused(write, spoils):
             owner = owner[key]
         owner[place[-1]] = value
     loads_or_refuses(write(text(content)))
+
+
+def test_a_clock_that_stands_still_is_no_recording(tmp_path):
+    path = tmp_path / "seconds.json"
+    path.write_bytes(text(a_recording([5] * 9 + [6] * 3)))
+    with pytest.raises(InputError, match=r"10 of 12 frames repeat a timestamp; allowed: .* microseconds"):
+        load_hand(path)
+
+
+@pytest.mark.parametrize(("unit", "how"), [(1e3, "slow"), (1e-3, "fast")])
+def test_time_stamps_in_another_unit_are_noticed(tmp_path, unit, how):
+    path = tmp_path / "other.json"
+    content = a_tap()
+    for frame in content["frames"]:
+        frame["timestamp"] *= unit
+    path.write_bytes(text(content))
+    note = f"no tracker is so {how}; are the time stamps in microseconds?"
+    if how == "slow":
+        assert note in judge_motion(load_hand(path)).notes[-1]
+        return
+    with pytest.raises(InputError, match="of the right hand cannot be used") as refused:
+        judge_motion(load_hand(path))
+    assert note in str(refused.value)
+
+
+def test_lengths_in_metres_are_named(tmp_path):
+    path = tmp_path / "metres.json"
+    content = a_tap()
+    for frame in content["frames"]:
+        for owner in (*frame["hands"], *frame["pointables"]):
+            owner.update({key: [part / 1e3 for part in value] for key, value in owner.items() if key.endswith("Position")})
+    path.write_bytes(text(content))
+    with pytest.raises(InputError, match=r"are its lengths in the right unit \(.* a Leap recording millimetres\)\?"):
+        judge_motion(load_hand(path))

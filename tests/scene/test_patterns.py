@@ -193,3 +193,11 @@ def test_the_bank_plays_touched_patterns_till_the_last_site_leaves_and_stimuli_t
 def test_what_no_pattern_can_be_is_refused(make):
     with pytest.raises(InputError, match="allowed"):
         make()
+
+
+def test_dropped_pulses_are_known_by_their_sites():
+    player = PatternPlayer("line_forward", sites=SITES[:5])
+    player.start(0)
+    player.due(NS_PER_S, 2 * NS_PER_S)
+    assert sorted(player.take_missed()) == sorted(list(range(5)) * 5)
+    assert player.take_missed() == []
