@@ -13,6 +13,8 @@ from haptics.errors import InputError
 NS_PER_S = 1_000_000_000
 NS_PER_MS = 1_000_000
 NS_PER_US = 1_000
+LATEST_NS = 1 << 62
+"""No time is later: 146 years, in whole numbers that a recording can hold."""
 
 
 def seconds_to_ns(seconds: float) -> int:

@@ -21,7 +21,7 @@ def in_range(name: str, value: float, low: float, high: float, unit: str = "") -
     try:
         number = float(value)
     except (TypeError, ValueError, OverflowError) as error:
-        raise InputError(f"{name} = {value!r} is not a number; allowed: {_span(low, high, unit)}") from error
+        raise InputError(f"{name} = {brief(value)} is not a number; allowed: {_span(low, high, unit)}") from error
     if not math.isfinite(number) or not low <= number <= high:
         raise InputError(f"{name} = {number:g}{_suffix(unit)} is not allowed; allowed: {_span(low, high, unit)}")
     return number
@@ -33,7 +33,7 @@ def number(name: str, value: object, low: float, high: float, unit: str = "") ->
     :raises InputError: not a real number, not finite, or outside the range.
     """
     if isinstance(value, bool) or not isinstance(value, Real):
-        raise InputError(f"{name} = {value!r} is not a number; allowed: {_span(low, high, unit)}")
+        raise InputError(f"{name} = {brief(value)} is not a number; allowed: {_span(low, high, unit)}")
     return in_range(name, value, low, high, unit)  # type: ignore[arg-type]
 
 
@@ -43,9 +43,9 @@ def whole_number(name: str, value: object, low: int, high: int, unit: str = "") 
     :raises InputError: not an integer (2.0 is none, nor is True), or outside the range.
     """
     if isinstance(value, bool) or not isinstance(value, Integral):
-        raise InputError(f"{name} = {value!r} is not a whole number; allowed: {_span(low, high, unit)}")
+        raise InputError(f"{name} = {brief(value)} is not a whole number; allowed: {_span(low, high, unit)}")
     if not low <= int(value) <= high:
-        raise InputError(f"{name} = {int(value)}{_suffix(unit)} is not allowed; allowed: {_span(low, high, unit)}")
+        raise InputError(f"{name} = {brief(int(value))}{_suffix(unit)} is not allowed; allowed: {_span(low, high, unit)}")
     return int(value)
 
 
@@ -55,10 +55,12 @@ def file_path(name: str, value: object) -> Path:
     :raises InputError: something else, or with a zero byte in it.
     """
     if not isinstance(value, (str, os.PathLike)):
-        raise InputError(f"{name} = {_short(value)} is no file's name; allowed: text, or a path")
+        raise InputError(f"{name} = {brief(value)} is no file's name; allowed: text, or a path")
     path = Path(value)  # type: ignore[arg-type]
+    if not str(value):  # which would be the folder one is in
+        raise InputError(f"{name} = {brief(value)} is empty; allowed: a file's name")
     if "\0" in str(path):
-        raise InputError(f"{name} = {_short(value)} has a zero byte in it; allowed: a file's name")
+        raise InputError(f"{name} = {brief(value)} has a zero byte in it; allowed: a file's name")
     return path
 
 
@@ -69,7 +71,26 @@ def an_instance(name: str, value: object, kind: type, how: str) -> None:
     :raises InputError: it is not.
     """
     if not isinstance(value, kind):
-        raise InputError(f"{name} = {_short(value)} is a {type(value).__name__}; allowed: a {kind.__name__}, {how}")
+        raise InputError(f"{name} = {brief(value)} is a {type(value).__name__}; allowed: a {kind.__name__}, {how}")
+
+
+def truth(name: str, value: object) -> bool:
+    """``value`` as a bool, if it is one: text and numbers are not, ``"false"`` would count as true.
+
+    :raises InputError: it is not.
+    """
+    if not isinstance(value, bool) and type(value).__name__ != "bool":  # numpy's own, which is no subclass
+        raise InputError(f"{name} = {brief(value)} is no truth value; allowed: True, False")
+    return bool(value)
+
+
+def a_callable(name: str, value: object, arguments: str) -> None:
+    """Nothing, if ``value`` can be called.
+
+    :raises InputError: it cannot.
+    """
+    if not callable(value):
+        raise InputError(f"{name} = {brief(value)} cannot be called; allowed: a function of {arguments}")
 
 
 def one_of(name: str, value: object, allowed: tuple[str, ...] | list[str]) -> str:
@@ -78,12 +99,16 @@ def one_of(name: str, value: object, allowed: tuple[str, ...] | list[str]) -> st
     :raises InputError: it is not; the message lists what is.
     """
     if not isinstance(value, str) or value not in allowed:
-        raise InputError(f"{name} = {value!r} is not allowed; allowed: {', '.join(allowed)}")
+        raise InputError(f"{name} = {brief(value)} is not allowed; allowed: {', '.join(allowed)}")
     return value
 
 
-def _short(value: object) -> str:
-    text = repr(value)
+def brief(value: object) -> str:
+    """A value that was handed in, for a message that names it: its ``repr`` on one line of at most 60 characters."""
+    try:
+        text = " ".join(repr(value).split("\n"))
+    except Exception:  # Python shows no integer of over 4300 digits, and an object's own repr may fail
+        return f"a {type(value).__name__} that cannot be shown"
     return text if len(text) <= 60 else f"{text[:57]}..."
 
 

@@ -46,7 +46,7 @@ def off(
     if json:
         print_json({"safe": safe, "ports": results})
     else:
-        rows = ((r.port, r.board, "yes" if r.safe else "NO", r.result) for r in results)
+        rows = ((r.port, r.board, "NO" if not r.safe else "yes" if r.board else "no board", r.result) for r in results)
         print_table("off", ("port", "board", "safe", "result"), rows)
         if not results:
             print("no serial port of this machine was found")

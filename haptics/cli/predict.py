@@ -30,7 +30,10 @@ def thermal(
     every_s: Annotated[float | None, typer.Option(help="time from burst to burst, s")] = None,
     json: Json = False,
 ) -> None:
-    """Temperature rise of one actuator under a regular train of switches or bursts (thesis 3.5.2)."""
+    """Temperature rise of a nominal actuator under a regular train of switches or bursts (thesis 3.5.2).
+
+    A glove books one that nobody calibrated as the warmest within tolerance, and so denies sooner (docs/explanation/heat.md).
+    """
     from haptics.physics.thermal_trains import predict_thermal
 
     prediction = predict_thermal(
@@ -42,7 +45,7 @@ def thermal(
         burst_hz=burst_hz,
         every_s=every_s,
     )
-    _answer("heat of one actuator", plain(prediction), json)
+    _answer("heat of a nominal actuator", plain(prediction), json)
 
 
 @app.command("latch")

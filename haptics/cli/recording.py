@@ -21,9 +21,23 @@ def recover(
 ) -> None:
     """Make an HDF5 recording of everything a run had committed before it died."""
     from haptics.recording import recover as recover_journal
+    from haptics.recording.output import with_suffix
 
-    result = recover_journal(journal, out or journal.with_suffix(".h5"), force=force)
-    print_json(result) if json else print_pairs(f"recovered {journal}", _flat(result))
+    result = recover_journal(journal, out or with_suffix(journal, ".h5"), force=force)
+    if json:
+        print_json(result)
+        return
+    print_pairs(
+        f"recovered {journal}",
+        {
+            "recording": result.path,
+            "complete": _yes(result.complete),
+            "lost": f"{result.lost_bytes} bytes",
+            "damage": result.damage or "none",
+            "journal": "kept" if result.journal_kept else "removed: all of it is in the recording",
+            **_rows(result.rows),
+        },
+    )
 
 
 @app.command("info")
@@ -38,9 +52,9 @@ def info(
     if json:
         print_json(found)
     else:
-        told = {"is": found.kind, "complete": "yes" if found.complete else "no", "lost": f"{found.lost_bytes} bytes"}
-        told |= {"damaged": found.damaged or "no", "verified": "yes" if found.verified else "no"}
-        print_pairs(str(path), told | {f"rows of {name}": count for name, count in found.rows.items()})
+        shown = {"is": found.kind, "complete": _yes(found.complete), "lost": f"{found.lost_bytes} bytes"}
+        shown |= {"damaged": found.damaged or "no", "verified": _yes(found.verified)}
+        print_pairs(str(path), shown | _rows(found.rows))
         with printing():
             for note in found.notes:
                 print(f"note: {note}")
@@ -59,6 +73,14 @@ def replay(
     print_json(result) if json else print_pairs(f"replay of {path}", _flat(result))
     if not result.identical:
         raise typer.Exit(1)
+
+
+def _yes(true: bool) -> str:
+    return "yes" if true else "no"
+
+
+def _rows(counts: dict[str, int]) -> dict[str, int]:
+    return {f"rows of {name}": count for name, count in counts.items()}
 
 
 def _flat(result: object) -> dict:

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from haptics.devices.pace import COMMAND_LEAD_NS
+from haptics.devices.result import Result
 from haptics.errors import ClockUncertain, InputError
 from haptics.link.commands import Pending, status_name
 from haptics.link.connection import Link
@@ -19,6 +20,8 @@ from haptics.units import in_range
 
 LONGEST_PIEZO_S = 1.0
 """The longest that a piezo is asked to vibrate at a time."""
+_KINDS = {"drive": "brake", "piezo": "piezo"}
+"""A result's kind, by the command's name."""
 
 
 @dataclass(slots=True)
@@ -28,6 +31,16 @@ class _Hold:
     amplitude_v: float
     until_ns: int | None
     frequency_dhz: int
+
+
+@dataclass(frozen=True, slots=True)
+class _Command:
+    """A command on its way. ``asked``: for each output it concerns, when that was asked for; None where it only goes on."""
+
+    name: str
+    sent_ns: int
+    start_ns: int
+    asked: tuple[tuple[str, int | None], ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,8 +82,9 @@ class BrakeDriver:
         self._refresh_ns = 0
         self._next_end_ns: int | None = None
         self._changed = False
-        self._replies: list[tuple[str, Pending, int]] = []
-        self._refusals: list[Refusal] = []
+        self._unsent: dict[int, int] = {}  # when holds were asked for of which no command speaks yet, by output
+        self._replies: list[tuple[_Command, Pending]] = []
+        self._answers: list[tuple[Refusal | None, list[Result]]] = []
         self.commands = 0
         """Commands tried so far, refused or not."""
 
@@ -92,8 +106,10 @@ class BrakeDriver:
         until_ns = None if ttl_s is None else now_ns + seconds_to_ns(in_range("ttl_s", ttl_s, 0.001, 60.0, "s"))
         frequency_dhz = self._frequency_dhz if frequency_hz is None else self._decihertz(frequency_hz)
         if not self._armed:
-            self._refusals.append(Refusal("drive", "unarmed", now_ns))
+            self._answered(_Command("drive", now_ns, now_ns, ((name, now_ns),)), "unarmed")
             return
+        self._give_up(index, "superseded")
+        self._unsent[index] = now_ns
         self._holds[index] = _Hold(amplitude_v, until_ns, frequency_dhz)
         self._changed = True
         self._plan_end()
@@ -103,13 +119,17 @@ class BrakeDriver:
 
         :raises InputError: unknown output.
         """
-        if self._holds.pop(self._index_of(name), None) is not None:
+        index = self._index_of(name)
+        if self._holds.pop(index, None) is not None:
+            self._give_up(index, "superseded")
             self._changed = True
             self._plan_end()
 
     def release_all(self, now_ns: int) -> None:
         """Zero volts everywhere."""
         if self._holds:
+            for index in list(self._unsent):
+                self._give_up(index, "superseded")
             self._holds.clear()
             self._changed = True
             self._plan_end()
@@ -123,16 +143,20 @@ class BrakeDriver:
         duration_ms = round(in_range("duration_s", duration_s, 0.001, LONGEST_PIEZO_S, "s") * 1000)
         soonest_ns = now_ns + COMMAND_LEAD_NS
         start_ns = soonest_ns if at_ns is None else max(soonest_ns, at_ns)
+        command = _Command("piezo", now_ns, start_ns, tuple((name, now_ns) for name in names))
         if not self._armed:
-            self._refusals.append(Refusal("piezo", "unarmed", now_ns))
+            self._answered(command, "unarmed")
             return
-        self._send("piezo", now_ns, start_ns, mask, duration_ms)
+        self._send(command, mask, duration_ms)
 
     def set_armed(self, armed: bool) -> None:
         """The board was armed, or is no longer. Either way nothing is wanted, and no answer is waited for any more."""
         self._read_replies()
-        self._refusals += [Refusal(name, "unarmed", sent_ns) for name, _, sent_ns in self._replies]
+        for command, _ in self._replies:
+            self._answered(command, "unarmed")
         self._replies.clear()
+        for index in list(self._unsent):
+            self._give_up(index, "unarmed")
         self._holds.clear()
         self._changed, self._next_end_ns = False, None
         self._armed = armed
@@ -141,6 +165,8 @@ class BrakeDriver:
         """Send changes and refreshes that are due, and note refusals."""
         if self._next_end_ns is not None and now_ns >= self._next_end_ns:
             self._holds = {i: h for i, h in self._holds.items() if h.until_ns is None or h.until_ns > now_ns}
+            for index in [i for i in self._unsent if i not in self._holds]:
+                self._give_up(index, "late")
             self._changed = True
             self._plan_end()
         if self._changed or (self._holds and now_ns >= self._refresh_ns):
@@ -149,9 +175,18 @@ class BrakeDriver:
             self._read_replies()
 
     def take_refusals(self) -> list[Refusal]:
-        """Commands refused, by the board or as unarmed, or never answered, since the last call."""
-        refusals, self._refusals = self._refusals, []
-        return refusals
+        """Commands refused, by the board or as unarmed, or never answered, since the last call of this or ``take_results``."""
+        answers, self._answers = self._answers, []
+        return [refusal for refusal, _ in answers if refusal is not None]
+
+    def take_results(self) -> list[Result]:
+        """What became of calls, since the last call of this or ``take_refusals``.
+
+        Every :meth:`engage` gives one result for its output, every :meth:`piezo` one for each, sooner or later; an output that
+        was held gives another where it could not go on being held.
+        """
+        answers, self._answers = self._answers, []
+        return [result for _, results in answers for result in results]
 
     def engaged(self) -> dict[str, float]:
         """Output name to volts, for those that are wanted on. The bus has the highest of them."""
@@ -180,26 +215,56 @@ class BrakeDriver:
         frequency_dhz = max((hold.frequency_dhz for hold in self._holds.values()), default=self._frequency_dhz)
         self._changed = False
         self._refresh_ns = now_ns + self._ttl_ns // 3
-        start_ns = now_ns + COMMAND_LEAD_NS
         ttl_ms = self._ttl_ns // NS_PER_MS
-        self._send("drive", now_ns, start_ns, mask, amplitude_v, frequency_dhz, ttl_ms)
+        asked = tuple((self.channels[i], self._unsent.get(i)) for i in self._holds) or tuple(
+            (name, None) for name in self.channels
+        )
+        self._unsent.clear()
+        command = _Command("drive", now_ns, now_ns + COMMAND_LEAD_NS, asked)
+        self._send(command, mask, amplitude_v, frequency_dhz, ttl_ms)
 
-    def _send(self, name: str, now_ns: int, start_ns: int, *values: int) -> None:
+    def _send(self, command: _Command, *values: int) -> None:
         self.commands += 1
         try:
-            ticks = self.link.to_ticks(start_ns)
+            ticks = self.link.to_ticks(command.start_ns)
         except ClockUncertain:
-            self._refusals.append(Refusal(name, "clock", now_ns))
+            self._answered(command, "clock")
             return
-        self._replies.append((name, self.link.send(name, ticks, *values, now_ns=now_ns), now_ns))
+        self._replies.append((command, self.link.send(command.name, ticks, *values, now_ns=command.sent_ns)))
 
     def _read_replies(self) -> None:
-        waiting: list[tuple[str, Pending, int]] = []
-        for name, pending, sent_ns in self._replies:
+        waiting: list[tuple[_Command, Pending]] = []
+        for command, pending in self._replies:
             if not pending.done:
-                waiting.append((name, pending, sent_ns))
+                waiting.append((command, pending))
             elif pending.error is not None:
-                self._refusals.append(Refusal(name, str(pending.error), sent_ns))
-            elif not pending.ok:
-                self._refusals.append(Refusal(name, status_name(pending.status), sent_ns))
+                self._answered(command, str(pending.error))
+            else:
+                self._answered(command, None if pending.ok else status_name(pending.status))
         self._replies = waiting
+
+    def _answered(self, command: _Command, reason: str | None) -> None:
+        """What a command came to: results of those who asked; where it was refused, of all that it was for."""
+        played, kind = reason is None, _KINDS[command.name]
+        results = [
+            Result(
+                name,
+                kind,
+                played,
+                reason,
+                command.sent_ns if asked_ns is None else asked_ns,
+                command.start_ns if played else None,
+            )
+            for name, asked_ns in command.asked
+            if not played or asked_ns is not None
+        ]
+        if reason is not None:
+            self._answers.append((Refusal(command.name, reason, command.sent_ns), results))
+        elif results:
+            self._answers.append((None, results))
+
+    def _give_up(self, index: int, reason: str) -> None:
+        """A hold of which no command spoke will not be."""
+        asked_ns = self._unsent.pop(index, None)
+        if asked_ns is not None:
+            self._answers.append((None, [Result(self.channels[index], "brake", False, reason, asked_ns, None)]))

@@ -8,36 +8,25 @@ disarmed, all of it is denied and forgotten, and nothing of it plays after the n
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from haptics.devices.coil_commands import CoilCommands
 from haptics.devices.pace import COMMAND_LEAD_NS, SHORTEST_LEAD_NS, TickSpacing
 from haptics.devices.pins import Pin
+from haptics.devices.result import Result
 from haptics.errors import InputError
 from haptics.link.connection import Link
 from haptics.physics.latch import PULSE_BACK_S, PULSE_TOWARD_S, TRAIN_BACK_S, TRAIN_TOWARD_S
 from haptics.scheduling import CoilLimits, CoilPulse, Outcome, Priority, Request, Scheduler, Stroke, ThermalBudget
 from haptics.time import NS_PER_MS, seconds_to_ns
 
-WORTH_ANOTHER_TRY = ("late", "full", "clock", "company")
-"""A pin that a board did not move for one of these reasons is asked to move again, as long as that is still wanted."""
-RELEASE_AGAIN_NS = {"unknown": 0, "hot": 250 * NS_PER_MS}
+WORTH_ANOTHER_TRY = ("late", "full", "clock", "company", "unknown")
+"""A pin that a board did not move for one of these reasons, or perhaps did not, is asked to move again, as long as that is still
+wanted."""
+RELEASE_AGAIN_NS = {"hot": 250 * NS_PER_MS}
 """A release is asked for again for these reasons too, after this long: a pin is not left out."""
 _STROKES_OF_PINS = (Priority.CONTACT, Priority.RELEASE)
 TELLING_NS = 50 * NS_PER_MS
 """A board that disarmed itself has said so after this long, by telemetry at the latest: later strokes may not have played."""
-
-
-@dataclass(frozen=True, slots=True)
-class Result:
-    """What became of one request. ``reason`` says why a denied one was."""
-
-    site: str
-    kind: str
-    played: bool
-    reason: str | None
-    requested_ns: int
-    start_ns: int | None
 
 
 class TactilesDriver:
@@ -110,6 +99,15 @@ class TactilesDriver:
         else:
             self._ask_pulse(channel, now_ns, at_ns)
 
+    def miss(self, site: str, now_ns: int) -> None:
+        """A pulse whose time had passed before anybody came to ask for it: denied, ``late``; ``unarmed`` while that is so.
+
+        :raises InputError: no actuator sits at this site.
+        """
+        self._channel_of(site)
+        self.overdue += 1
+        self._results.append(Result(site, "pulse", False, "late" if self._armed else "unarmed", now_ns, None))
+
     def train(self, site: str, count: int, period_ns: int, now_ns: int) -> None:
         """``count`` pulses, one each ``period_ns``; each is a request of its own.
 
@@ -134,6 +132,7 @@ class TactilesDriver:
         if self._armed and self._in_contact(channel):
             self._results.append(Result(site, "burst", False, "contact", now_ns, None))
         else:
+            self._make_sure_in(channel, now_ns)
             self._submit(channel, Priority.BURST, self._cycle * cycles, now_ns, at_ns)
 
     def tick(self, now_ns: int) -> None:
@@ -183,6 +182,7 @@ class TactilesDriver:
 
         :param sure_until_ns: strokes that end later may not have played: the board was made safe then, or perhaps was.
         """
+        self._armed = False  # nothing of what is settled now is tried again
         self._again.clear()
         self._deny_later("unarmed")
         for pin in self._pins:
@@ -244,11 +244,21 @@ class TactilesDriver:
         if self._armed and self._in_contact(channel):
             self._results.append(Result(self.sites[channel], "pulse", False, "contact", now_ns, None))
         else:
+            self._make_sure_in(channel, now_ns)
             self._submit(channel, Priority.PULSE, self._pulse, now_ns, at_ns)
 
     def _in_contact(self, channel: int) -> bool:
-        """The pin is out, or a contact or release is under way: a newer request would take its place."""
-        return self._pins[channel].moving or self._pins[channel].out is not False
+        """The pin is out, or a contact or release is under way: a newer request would take its place.
+
+        Where nobody knows and nobody wants it out, it is brought in first.
+        """
+        pin = self._pins[channel]
+        return pin.moving or pin.out is True or (pin.out is None and pin.wanted_out)
+
+    def _make_sure_in(self, channel: int, now_ns: int) -> None:
+        """A release ahead of what is asked for now, where a pin may be out that nobody wants out."""
+        if self._armed and self._pins[channel].out is None:
+            self._set_pin(self.sites[channel], False, now_ns, None)
 
     def _channel_of(self, site: str) -> int:
         if site not in self._channel:
@@ -299,10 +309,13 @@ class TactilesDriver:
             return
         outcome, request = self._outcomes.pop(token), self._requests.pop(token)
         refused = self._commands.take_refusal(token)
+        last = self._commands.take_last(token)
         reason = outcome.reason if not outcome.played else refused
         played = reason is None
         if request.priority in _STROKES_OF_PINS:
             self._settle_pin(token, request, outcome, reason)
+        elif last is not None:
+            self._settle_pulse(request.channel, *last)
         site, kind = self.sites[request.channel], request.priority.name.lower()
         self._results.append(Result(site, kind, played, reason, request.submitted_ns, outcome.start_ns))
 
@@ -315,3 +328,10 @@ class TactilesDriver:
                 self._again[request.channel] = self._now_ns
             elif reason in RELEASE_AGAIN_NS and not out:
                 self._again[request.channel] = self._now_ns + RELEASE_AGAIN_NS[reason]
+
+    def _settle_pulse(self, channel: int, ends_ns: int, toward_skin: bool | None) -> None:
+        """Of a pulse or a burst a board may have taken the stroke out and not the one back: that is made up for."""
+        pin = self._pins[channel]
+        pin.pulsed(toward_skin is False, ends_ns)
+        if self._armed and pin.out is None and not pin.wanted_out and not pin.moving:
+            self._again[channel] = self._now_ns

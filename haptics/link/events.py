@@ -9,6 +9,9 @@ from haptics.errors import LinkError
 from haptics.link.clock import ClockFit
 from haptics.link.messages import Fault
 
+NO_CHANNEL = 255
+"""Channel of a fault that belongs to none."""
+
 
 @dataclass(frozen=True, slots=True)
 class Identified:
@@ -35,7 +38,7 @@ class Telemetry:
 
 @dataclass(frozen=True, slots=True)
 class FaultReported:
-    """The board latched a fault; ``fault`` is a plain number if this table does not know it; ``channel`` 255 is none."""
+    """The board latched a fault; ``fault`` is a number if this table does not know it; ``channel`` may be ``NO_CHANNEL``."""
 
     time_ns: int
     fault: Fault | int

@@ -23,6 +23,7 @@ from serial.tools import list_ports as _serial_ports
 
 from haptics.errors import InputError, LinkError, LinkLost, PortBusy, PortMissing
 from haptics.link.messages import DEFAULT_BAUD
+from haptics.units import brief
 
 BOARDS_PACKAGE = "firmware_models"
 SIMULATED = {
@@ -99,12 +100,12 @@ def check_port(url: object, name: str = "port") -> str:
     :raises InputError: no text, empty, or a URL of another kind; the message lists what is allowed.
     """
     if not isinstance(url, str) or not url.strip() or not url.isprintable():
-        raise InputError(f"{name} = {url!r} is not allowed; allowed: {_ALLOWED}")
+        raise InputError(f"{name} = {brief(url)} is not allowed; allowed: {_ALLOWED}")
     scheme, found, rest = url.partition("://")
     if found and scheme not in SCHEMES:
-        raise InputError(f"{name} = {url!r} is of a kind that is not opened ({scheme}://); allowed: {_ALLOWED}")
+        raise InputError(f"{name} = {brief(url)} is of a kind that is not opened ({brief(scheme)[1:-1]}://); allowed: {_ALLOWED}")
     if scheme in ("socket", "rfc2217") and found and not _names_a_host(url):
-        raise InputError(f"{name} = {url!r} is not allowed; expected {scheme}://HOST:PORT, with a port from 1 to 65535")
+        raise InputError(f"{name} = {brief(url)} is not allowed; expected {scheme}://HOST:PORT, with a port from 1 to 65535")
     if scheme == "hwgrep" and found and not rest.strip():
         raise InputError(f"{name} = {url!r} fits any port; expected hwgrep://TEXT, such as a USB serial number")
     return url

@@ -120,6 +120,7 @@ class RenderLoop:
         self._followed: tuple[str, int] | None = None
         self._pose_ns: int | None = None
         self._quiet = False
+        self._absent = False  # no pose since the devices were armed anew, or the hand has gone: nothing is felt without one
         self._left_out: list[str] = []
         self._events: list[LoopEvent] = []
 
@@ -133,7 +134,7 @@ class RenderLoop:
         Pins that stayed out meanwhile, as they are bistable, stay until that pose comes, and go back then.
         """
         self._forget(now_ns)
-        self._pose_ns = None
+        self._pose_ns, self._absent = None, True
         if self.tactiles is not None:
             self._left_out = [site for site, out in zip(self.tactiles.sites, self.tactiles.pins_out(), strict=True) if out]
 
@@ -154,7 +155,7 @@ class RenderLoop:
         if (frame.side, frame.track_id) != self._followed:
             self._followed = (frame.side, frame.track_id)
             self._note_handedness(frame, now_ns)
-        self._pose_ns = frame.time_ns
+        self._pose_ns, self._absent = frame.time_ns, False
         if self._left_out and self.tactiles is not None:
             for site in self._left_out:
                 self.tactiles.release(site, now_ns)
@@ -182,7 +183,7 @@ class RenderLoop:
         """The tracker says that the hand is no longer there: let go of everything, quietly."""
         self._let_go(now_ns)
         self._gate.forget()
-        self._pose_ns = None
+        self._pose_ns, self._absent = None, True
 
     # Ticks ----------------------------------------------------------------------------------------------------------
 
@@ -204,6 +205,8 @@ class RenderLoop:
             ahead_ns = PATTERN_LEAD_NS + self._spacing.lead_ns - COMMAND_LEAD_NS
             for time_ns, site, _ in self._patterns.due(now_ns, now_ns + ahead_ns):
                 self.tactiles.pulse(SITES[site], now_ns, time_ns)
+            for site in self._patterns.take_missed():
+                self.tactiles.miss(SITES[site], now_ns)
         if self._rules is not None and now_ns >= self._rules_ns:
             self._rules_ns = now_ns + RULES_EVERY_NS
             self._obey_rules(now_ns)
@@ -293,7 +296,7 @@ class RenderLoop:
     def _obey_rules(self, now_ns: int) -> None:
         assert self._rules is not None
         state = BodyState(now_ns - self._start_ns, self.signals, self._grasps.held, self._contacts.touched)
-        wanted = self._rules.update(state) if not self._quiet else frozenset()
+        wanted = self._rules.update(state) if not (self._quiet or self._absent) else frozenset()
         if wanted == self._engaged:
             return
         for name in sorted(wanted ^ self._engaged):

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import tomllib
 from os import PathLike
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
@@ -24,7 +24,7 @@ from haptics.physics.latch import PULSE_BACK_S, PULSE_TOWARD_S, TRAIN_BACK_S, TR
 from haptics.physics.thermal import THERMAL, WORST_PULSE_POWER_W, bounding
 from haptics.scene.sites import SITES
 from haptics.scheduling.coil_heat import BUILT_ON_TIME_S, CoilHeat
-from haptics.units import file_path
+from haptics.units import brief, file_path
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 PortUrl = Annotated[str, AfterValidator(check_port)]
@@ -233,6 +233,8 @@ def load_configuration(path: str | PathLike[str] | None) -> Configuration:
     """
     if path is None:
         return Configuration()
+    if isinstance(path, str) and "://" in path:
+        raise InputError(f"config = {brief(path)} is a port; allowed: a file's name; ports have options of their own")
     path = file_path("config", path)
     try:
         with open(path, "rb") as file:
@@ -252,12 +254,22 @@ def check_configuration(table: dict, source: str) -> Configuration:
     try:
         return Configuration.model_validate(table)
     except ValidationError as error:
-        problems = "; ".join(
-            f"{'.'.join(map(str, e['loc']))} = {_short(e.get('input'))}: {e['msg']}" for e in error.errors(include_url=False)
-        )
+        problems = "; ".join(_problem(e) for e in error.errors(include_url=False))
         raise InputError(f"configuration {source}: {problems}") from error
 
 
-def _short(value: object) -> str:
-    text = repr(value)
-    return text if len(text) <= 60 else text[:57] + "..."
+def _problem(error: Any) -> str:
+    key = ".".join(map(str, error["loc"]))
+    if error["type"] == "extra_forbidden":
+        return f"there is no key {key}; allowed: {', '.join(_keys_beside(error['loc']))}"
+    return f"{key} = {brief(error.get('input'))}: {error['msg'].removeprefix('Value error, ')}"
+
+
+def _keys_beside(place: tuple[int | str, ...]) -> list[str]:
+    """The keys that the table at a place has."""
+    part: type[BaseModel] = Configuration
+    for key in place[:-1]:
+        if str(key) in part.model_fields:
+            kind: Any = part.model_fields[str(key)].annotation
+            part = next((k for k in (kind, *get_args(kind)) if isinstance(k, type) and issubclass(k, BaseModel)), part)
+    return list(part.model_fields)

@@ -8,14 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from typing import Any
-from urllib.parse import parse_qsl, urlencode, urlsplit
+from urllib.parse import parse_qsl, urlencode, urlsplit, urlunsplit
 
 from haptics.devices import BrakeDriver, TactilesDriver
 from haptics.devices.tactiles import TELLING_NS
 from haptics.errors import CommandRefused, InputError, LimitError
 from haptics.link.commands import Pending
 from haptics.link.connection import Link
-from haptics.link.events import Disarmed, Event, FaultReported, Lost, Rebooted, Telemetry
+from haptics.link.events import NO_CHANNEL, Disarmed, Event, FaultReported, Lost, Rebooted, Telemetry
 from haptics.link.limits import Wanted, kept_stricter, stricter
 from haptics.link.messages import DURATION_UNIT_US, Board, Fault, State, Status
 from haptics.link.polling import PollingRunner
@@ -27,10 +27,11 @@ from haptics.scheduling import CoilLimits, ThermalBudget
 from haptics.session import heat
 from haptics.session.configuration import COUNTED_COIL_A, BrakeConfiguration, TactilesConfiguration
 from haptics.session.faults import fault_names
-from haptics.time import NS_PER_MS, NS_PER_S, MonotonicClock, VirtualClock, seconds_to_ns
-from haptics.units import an_instance, whole_number
+from haptics.time import LATEST_NS, NS_PER_MS, NS_PER_S, MonotonicClock, VirtualClock, seconds_to_ns
+from haptics.units import a_callable, an_instance, one_of, truth, whole_number
 
 TICK_NS = NS_PER_MS
+LONGEST_STEP_S = 1e6
 _PARTS: dict[str, type] = {"tactiles": TactilesConfiguration, "brake": BrakeConfiguration}
 ARM_TIMEOUT_S = 2.0
 OFF_TIMEOUT_S = 1.0
@@ -45,10 +46,22 @@ def with_defaults(url: str, **defaults: object) -> str:
     if not url.startswith("sim://"):
         return url
     parts = urlsplit(url)
-    query = dict(parse_qsl(parts.query, keep_blank_values=True))
-    for key, value in defaults.items():
-        query.setdefault(key, str(value))
-    return f"sim://{parts.netloc}?{urlencode(query)}" if query else url
+    query = parse_qsl(parts.query, keep_blank_values=True)
+    named = {key for key, _ in query}
+    query += [(key, str(value)) for key, value in defaults.items() if key not in named]
+    return urlunsplit(parts._replace(query=urlencode(query)))  # what else it has stays, for whoever opens it to refuse
+
+
+def _checked_keys(simulate: object) -> Mapping[str, Mapping[str, object]]:
+    """Query keys for simulated boards.
+
+    :raises InputError: not by a board's name, or not keys and values.
+    """
+    an_instance("simulate", simulate, Mapping, "from a board's name to query keys and their values")
+    for name, keys in simulate.items():  # type: ignore[attr-defined]
+        one_of("simulate", name, tuple(_PARTS))
+        an_instance(f"simulate of {name}", keys, Mapping, "from query keys to values")
+    return simulate  # type: ignore[return-value]
 
 
 class Glove:
@@ -77,7 +90,7 @@ class Glove:
         limit_pulses: bool = True,
     ):
         seed = whole_number("seed", seed, 0, 2**32 - 1)
-        self.realtime = realtime
+        self.realtime = realtime = truth("realtime", realtime)
         self.clock: VirtualClock | MonotonicClock = MonotonicClock() if realtime else VirtualClock()
         self.links: dict[str, Link] = {}
         self.faults: list[str] = []
@@ -88,19 +101,24 @@ class Glove:
         self._opened = False
         self._wanted_armed = False
         self._heat_booked = True
-        self._limit_pulses = limit_pulses
+        self._limit_pulses = truth("limit_pulses", limit_pulses)
         self._permitted: set[str] = set()  # boards whose drivers may ask for energy
         self.times_armed = 0
         """How often :meth:`arm` succeeded: whoever remembers what a device does forgets it when this changes."""
+        simulate = _checked_keys({} if simulate is None else simulate)
+        if wire_tap is not None:
+            a_callable("wire_tap", wire_tap, "port name, time, direction and bytes")
         asked = {"tactiles": tactiles, "brake": brake}
         for name, part in asked.items():  # all of them before the first is opened, which may reset a board
             if part is not None:
                 an_instance(name, part, _PARTS[name], "a part of haptics.load_configuration's answer, or None")
                 check_port(part.port, f"{name} port")
+        if tactiles is not None and brake is not None and tactiles.port == brake.port:
+            raise InputError(f"brake port = {brake.port!r} is the tactiles port, too; allowed: a port for each board")
         try:
             for name, part in asked.items():
                 if part is not None:
-                    self.links[name] = self._open(name, part, seed, (simulate or {}).get(name, {}), wire_tap)
+                    self.links[name] = self._open(name, part, seed, simulate.get(name, {}), wire_tap)
             links = list(self.links.values())
             if not realtime:  # a world that was there before has gone on without this glove
                 starts_ns = [link.simulated.truth()["time_ns"] for link in self.links.values() if link.simulated is not None]
@@ -212,11 +230,20 @@ class Glove:
         return self.clock.now_ns()
 
     def on_event(self, sink: Callable[[str, Event], None]) -> None:
-        """Call ``sink(board, event)`` for what links report."""
+        """Call ``sink(board, event)`` for what links report.
+
+        :raises InputError: it cannot be called.
+        """
+        a_callable("sink", sink, "a board's name and an event")
         self._event_sinks.append(sink)
 
     def follow(self, to_ns: int) -> None:
-        """Bring links (and in virtual time boards) to ``to_ns`` and take in what they report; drivers are not ticked."""
+        """Bring links (and in virtual time boards) to ``to_ns`` and take in what they report; drivers are not ticked.
+
+        :raises InputError: no time, or in virtual time one that has passed.
+        """
+        if type(to_ns) is not int or not 0 <= to_ns <= LATEST_NS:  # so as not to cost a tick more than that
+            to_ns = whole_number("to_ns", to_ns, 0, LATEST_NS)
         for name, link in self.links.items():
             if link.armed:
                 self._notice_silence(name, link)
@@ -244,7 +271,12 @@ class Glove:
             sink(name, Disarmed(now_ns, silent))
 
     def tick(self, now_ns: int) -> None:
-        """Tick the drivers."""
+        """Tick the drivers.
+
+        :raises InputError: no time.
+        """
+        if type(now_ns) is not int or not 0 <= now_ns <= LATEST_NS:
+            now_ns = whole_number("now_ns", now_ns, 0, LATEST_NS)
         if self.tactiles is not None:
             self.tactiles.tick(now_ns)
         if self.brakes is not None:
@@ -253,10 +285,11 @@ class Glove:
     def step_to(self, to_ns: int) -> None:
         """Tick every millisecond until ``to_ns``; in virtual time only.
 
-        :raises InputError: the glove runs in real time, which cannot be stepped.
+        :raises InputError: the glove runs in real time, which cannot be stepped; or no time within ``LONGEST_STEP_S`` from now.
         """
         if self.realtime:
             raise InputError("a glove in real time cannot be stepped; allowed: clock='virtual'")
+        to_ns = whole_number("to_ns", to_ns, 0, self.now_ns() + seconds_to_ns(LONGEST_STEP_S))
         while self.now_ns() < to_ns:
             self.follow(min(self.now_ns() + TICK_NS, to_ns))
             self.tick(self.now_ns())
@@ -269,7 +302,8 @@ class Glove:
             self._read_faults(name, event.message)
         elif isinstance(event, FaultReported):
             label = event.fault.name.lower() if isinstance(event.fault, Fault) else f"fault {event.fault}"
-            self._fault(f"{name}: {label}, channel {event.channel}, value {event.value}")
+            where = "" if event.channel == NO_CHANNEL else f"channel {event.channel}, "
+            self._fault(f"{name}: {label} ({where}value {event.value})")
         elif isinstance(event, Rebooted):
             self._fault(f"{name}: the board rebooted; it stays disarmed until armed by hand")
         elif isinstance(event, Disarmed):
@@ -380,7 +414,7 @@ class Glove:
             latched = fault_names(pending.detail or 0)
             if pending.status != Status.INTERLOCK or not latched:
                 raise
-            advice = f"find out why, then clear it: haptics off --port {link.name}"
+            advice = f"find out why, then clear it: off() of an open glove, or haptics off --port {link.name}"
             raise CommandRefused(link.name, f"a fault is latched: {latched}", "arm", error.status, advice) from error
 
     def _state_of(self, name: str) -> int | None:
@@ -434,6 +468,15 @@ class Glove:
         """What was sent over a coarse line plays later than asked for, by at most this."""
         return 2 * self.links["tactiles"].shift_ns
 
+    def clear_faults(self) -> None:
+        """Boards that are off clear what has latched, where its cause is gone; what stays, arming names.
+
+        For a person to ask for: nothing does it by itself.
+        """
+        now_ns = self.now_ns()
+        pendings = [link.send("disarm", now_ns=now_ns) for link in self.links.values() if link.ready]
+        self._wait(lambda: all(pending.done for pending in pendings), OFF_TIMEOUT_S)
+
     def close(self) -> None:
         """Close the ports; call :meth:`off` first."""
         for link in self.links.values():
@@ -442,6 +485,9 @@ class Glove:
     # What a simulated glove knows besides ---------------------------------------------------------------------------
 
     def plant(self, name: str) -> SimulatedPort | None:
-        """The simulated plant behind a board, or None for hardware."""
-        link = self.links.get(name)
+        """The simulated plant behind a board, or None for hardware.
+
+        :raises InputError: a board that no glove has.
+        """
+        link = self.links.get(one_of("name", name, tuple(_PARTS)))
         return None if link is None else simulated(link.port)

@@ -51,7 +51,8 @@ def _make_safe(url: str, named: bool, timeout_s: float) -> Off:
         try:
             left = _off(runner, link, timeout_s)
         except NotABoard as error:
-            return Off(url, None, not named, str(error))
+            heard = link.session.counters.frames_in > 0  # whole frames come from a board, whatever else is wrong with the line
+            return Off(url, None, not named and not heard, str(error))
         except LinkError as error:
             return Off(url, _name(link), False, str(error))
         result = f"off; the cause of a latched fault is still there: {left}" if left else "off"

@@ -3,29 +3,25 @@
 from __future__ import annotations
 
 import atexit
+import os
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from os import PathLike
 from types import TracebackType
 from typing import Any
 
-from haptics.devices import BrakeDriver, TactilesDriver
-from haptics.devices.tactiles import Result
+from haptics.devices import Result, TactilesDriver
 from haptics.ends import orderly, unbroken
 from haptics.errors import GloveEnded, HapticsError, InputError
 from haptics.link.events import Event, Telemetry
 from haptics.link.ports import check_port
 from haptics.session.configuration import BrakeConfiguration, load_configuration
-from haptics.session.glove import Glove
+from haptics.session.glove import LONGEST_STEP_S, Glove
 from haptics.session.glove_state import GloveState, glove_state
 from haptics.session.service import JOIN_S, Service, go_off
 from haptics.time import seconds_to_ns
 from haptics.units import number, one_of, whole_number
-
-LONGEST_STEP_S = 1e6
-_KINDS = {"drive": "brake"}
-"""A result's kind, where it is not the command's name."""
 
 
 class OpenGlove:
@@ -44,7 +40,7 @@ class OpenGlove:
         self._ending = self._closed = False
         self._ends = ExitStack()
         self._telemetry: dict[str, Telemetry] = {}
-        self._refused: list[Result] = []
+        self._process = os.getpid()
         glove.on_event(self._note)
         try:
             self._service = Service(glove, self._lock) if glove.realtime else None
@@ -118,18 +114,16 @@ class OpenGlove:
             one_of("name", name, brakes.channels)
             ttl_s = number("ttl_s", ttl_s, 0.001, 60.0, "s")
             volts = self._volts(name, force_n, volts, brakes.max_amplitude_v)
-            self._take_refusals(brakes, "")
             brakes.engage(name, volts, glove.now_ns(), ttl_s=ttl_s)
-            self._take_refusals(brakes, name)
             return volts
 
     def results(self) -> list[Result]:
-        """What became of what was asked for, since the last call: every pulse, and brake and piezo commands that were refused."""
+        """What became of what was asked for, since the last call: of each contact, release, pulse and brake.
+
+        A brake gives another result, not played, where a board did not go on holding it.
+        """
         with self._use(missed_allowed=True) as glove:
-            if glove.brakes is not None:
-                self._take_refusals(glove.brakes, "")
-            refused, self._refused = self._refused, []
-            return refused if glove.tactiles is None else [*glove.tactiles.take_results(), *refused]
+            return [one for driver in (glove.tactiles, glove.brakes) if driver is not None for one in driver.take_results()]
 
     def state(self) -> GloveState:
         """Temperatures, pins, volts, faults, and how old what boards said is."""
@@ -146,9 +140,12 @@ class OpenGlove:
             glove.step_to(glove.now_ns() + seconds_to_ns(seconds))
 
     def off(self) -> None:
-        """Pins withdrawn, volts zero, disarmed."""
+        """Pins withdrawn, volts zero, disarmed; then faults that have latched are cleared, as ``haptics off`` does.
+
+        Those whose cause is still there stay, and ``arm`` names them. ``close``, and the end of a ``with``, clear none.
+        """
         with self._use(missed_allowed=True, ended_allowed=True) as glove:
-            go_off(glove)
+            self._all_off(glove.clear_faults)
             if self._service is not None:
                 self._service.served()
 
@@ -158,7 +155,7 @@ class OpenGlove:
         :raises HapticsError: a call of another thread does not end, so that boards were left to their dead-man.
         """
         with self._closing:
-            if self._closed:
+            if self._closed or os.getpid() != self._process:  # the ports are another process's, and its boards go on
                 return
             self._ending = True
             try:
@@ -181,23 +178,33 @@ class OpenGlove:
                 "hear nothing more make themselves safe by their dead-man, pins stay as they are"
             )
         try:
-            go_off(self._glove)
-        except Exception:
-            if self._service is None or not self._service.ended:  # else it was reported already
-                raise
+            self._all_off()
         finally:
             self._lock.release()
+
+    def _all_off(self, then: Callable[[], None] = lambda: None) -> None:
+        try:
+            go_off(self._glove)
+            then()
+        except Exception:
+            if self._service is None or not self._service.ended:  # else it was reported already, and boards were told to stop
+                raise
 
     @contextmanager
     def _use(self, missed_allowed: bool = False, ended_allowed: bool = False) -> Iterator[Glove]:
         """The glove, for one call alone.
 
-        :raises GloveEnded: it is closed, or no longer served. :raises DeadManMissed: boards made themselves safe meanwhile.
+        :raises GloveEnded: it is closed, no longer served, or another process's.
+        :raises DeadManMissed: boards made themselves safe meanwhile.
         """
+        if os.getpid() != self._process:  # before the lock, which a thread that is not here may hold
+            raise GloveEnded(f"this glove is served by process {self._process}, which forked this one; allowed: to use it there")
         with self._lock:
             if self._ending:
                 raise GloveEnded("this glove is closed; allowed: haptics.open another")
             service = self._service
+            if service is not None:
+                service.catch_up()
             if service is not None and not (ended_allowed if service.ended else missed_allowed):
                 service.check()
             yield self._glove
@@ -205,12 +212,6 @@ class OpenGlove:
     def _note(self, board: str, event: Event) -> None:
         if isinstance(event, Telemetry):
             self._telemetry[board] = event
-
-    def _take_refusals(self, brakes: BrakeDriver, name: str) -> None:
-        """Note what the brake controller refused; ``name``: the brake it was asked for, if one knows."""
-        for one in brakes.take_refusals():
-            kind = _KINDS.get(one.command, one.command)
-            self._refused.append(Result(name or ", ".join(brakes.engaged()), kind, False, one.reason, one.sent_ns, None))
 
     def _volts(self, name: str, force_n: object, volts: object, max_v: float) -> float:
         """Volts for a brake, given by exactly one of its force and its volts."""

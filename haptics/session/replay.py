@@ -5,6 +5,7 @@ from __future__ import annotations
 import tempfile
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -12,9 +13,29 @@ from haptics.errors import InputError
 from haptics.recording import load
 from haptics.scene.motion import refusals
 from haptics.scene.recordings import load_hand
+from haptics.scene.shown import shown
 from haptics.session.configuration import check_configuration
+from haptics.session.recorder import LINK_STREAMS
 from haptics.session.run import RunOptions, run_scene
 from haptics.time import NS_PER_S
+
+_WIRE = next(spec for spec in LINK_STREAMS if spec.name == "wire")
+_NUMBER = (int, float)
+_HEADER: dict[str, Any] = {
+    "scene": str,
+    "scene_source": str,
+    "side": str,
+    "realtime": bool,
+    "latency_s": _NUMBER,
+    "seed": int,
+    "configuration": dict,
+    "ports": dict,
+    "levels": dict,
+    "tolerance_jnd": _NUMBER,
+    "budget_s_per_s": _NUMBER,
+}
+_MISSING: dict[str, Any] = {"levels": {}, "tolerance_jnd": 0.0, "budget_s_per_s": 0.0}
+"""Entries that older recordings lack; the run's own defaults serve."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,6 +64,11 @@ def replay_recording(path: str | Path) -> Replay:
     header = recording.header
     if "scene_source" not in header or "wire" not in recording:
         raise InputError(f"{path} cannot be replayed: it is no recording of `haptics run`")
+    if recording.streams["wire"].dtype != _WIRE.dtype:
+        raise InputError(
+            f"{path} cannot be replayed: its stream wire has fields of other types; allowed: as `haptics run` records it"
+        )
+    _check_header(path, header)
     if header["realtime"]:
         raise InputError(f"{path} cannot be replayed to the byte: it was made in real time; allowed: recordings in virtual time")
     options = RunOptions(
@@ -68,6 +94,18 @@ def replay_recording(path: str | Path) -> Replay:
     identical = len(wire) == len(replayed) and bool(np.all(same))
     first = None if identical else int(wire["time_ns"][np.argmin(same)] if not np.all(same) else wire["time_ns"][-1])
     return Replay(str(path), header["scene"], identical, len(wire), len(replayed), first)
+
+
+def _check_header(path: Path, header: dict[str, Any]) -> None:
+    """What a run writes into its header; whether the values may be used, the run itself asks."""
+    for name, kinds in _HEADER.items():
+        value = header.get(name, _MISSING.get(name))
+        if not isinstance(value, kinds) or (kinds is not bool and isinstance(value, bool)):
+            raise InputError(f"{path} cannot be replayed: {name} = {shown(value)} in its header is not what a run writes")
+    for part, inner in (("ports", {"tactiles", "brake"}), ("levels", set())):
+        texts = header.get(part, {})
+        if not inner <= set(texts) or not all(isinstance(text, str) or (text is None and inner) for text in texts.values()):
+            raise InputError(f"{path} cannot be replayed: {part} = {shown(texts)} in its header is not what a run writes")
 
 
 def _check_poses(path: Path, side: str) -> None:

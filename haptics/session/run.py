@@ -14,8 +14,8 @@ from typing import Any
 from haptics.ends import orderly, unbroken
 from haptics.errors import InputError
 from haptics.fidelity import DEFAULT_BUDGET, DEFAULT_TOLERANCE_JND, Plan, plan_scene
-from haptics.recording import finalise, load, write_picture, write_rrd
-from haptics.recording.ending import keep
+from haptics.recording import load, write_picture, write_rrd
+from haptics.recording.ending import finish, keep
 from haptics.recording.leftovers import journal_of, refuse_leftover
 from haptics.recording.output import check_outputs
 from haptics.scene import load_scene
@@ -137,8 +137,7 @@ def run_scene(scene_name: str, hand_source: str, configuration: Configuration, o
             )
             if recorder is not None:
                 recorder.journal.blob("report.json", _json_bytes(report))
-                recorder.journal.close({"ended": "off"})
-                finalise(recorder.journal.path, out, force=options.force)
+                finish(recorder.journal, out, options.force, {"ended": "off"})
         except BaseException as error:
             if recorder is not None:
                 keep(recorder.journal, out, options.force, error)

@@ -48,7 +48,7 @@ class Service:
         if self._error is not None:
             raise GloveEnded(f"{self.faults[0]}; allowed: close() it, and open it again") from self._error
         if self._missed is not None:
-            raise DeadManMissed(f"{self._missed}; nothing plays until the glove is armed again")
+            raise DeadManMissed(f"{self._missed}; off() clears that, and nothing plays until the glove is armed again")
 
     @property
     def ended(self) -> bool:
@@ -61,6 +61,14 @@ class Service:
         if armed:
             self._missed = None
 
+    def catch_up(self) -> None:
+        """Serve what is due, for a call that holds the lock: calls of many threads leave the service's own too few turns."""
+        if not self.ended and not self._stopping.is_set() and awake_ns() - self._served_ns > TICK_NS:
+            try:
+                self.serve()
+            except Exception as error:
+                self._end(error)
+
     def stop(self) -> None:
         """End the thread, and wait for it at most ``JOIN_S``."""
         self._stopping.set()
@@ -70,7 +78,7 @@ class Service:
     def _run(self) -> None:
         while not self._stopping.wait(TICK_NS / NS_PER_S):
             with self._lock:
-                if self._stopping.is_set():
+                if self._stopping.is_set() or self.ended:
                     return
                 try:
                     self.serve()

@@ -26,11 +26,9 @@ from haptics.scene.well_formed import ill_formed
 from haptics.session.configuration import Configuration
 from haptics.session.glove import Glove
 from haptics.session.recorder import Recorder
-from haptics.time import NS_PER_MS, NS_PER_S
+from haptics.time import LATEST_NS, NS_PER_MS, NS_PER_S
 from haptics.units import an_instance, whole_number
 
-LATEST_NS = 1 << 62
-"""End of time, as far as any clock here goes."""
 SAMPLE_NS = 10 * NS_PER_MS
 """The devices are sampled into the recording this often."""
 
@@ -91,6 +89,8 @@ class Session:
         an_instance("scene", scene, Scene, "from haptics.load_scene")
         an_instance("glove", glove, Glove, "from haptics.Glove")
         an_instance("configuration", configuration, Configuration, "from haptics.load_configuration")
+        if recorder is not None:
+            an_instance("recorder", recorder, Recorder, "on a journal, or None")
         self.scene, self.glove, self.recorder = scene, glove, recorder
         self.truth = Truth()
         self.results: list[Result] = []
@@ -140,7 +140,7 @@ class Session:
 
     def tick(self, now_ns: int) -> None:
         """One period of the loop: links to ``now_ns``, effects, drivers, rows."""
-        if type(now_ns) is not int:
+        if type(now_ns) is not int or not 0 <= now_ns <= LATEST_NS:
             now_ns = whole_number("now_ns", now_ns, 0, LATEST_NS)
         self._watch_arming(now_ns)
         self.glove.follow(now_ns)

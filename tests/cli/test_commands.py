@@ -166,3 +166,49 @@ def test_a_file_of_another_kind_is_named_and_left_alone(refused, tmp_path, conte
             assert "other.h5" in refused(*words, path)
     assert path.read_bytes() == content
     assert not (tmp_path / "out.h5").exists()
+
+
+def test_a_recording_cut_short_is_damaged_and_no_recording_is_no_such_file(command, refused, strict_json, tmp_path):
+    from haptics.recording import Journal, finalise
+
+    with Journal.create(tmp_path / "a.journal", {"seed": 1}) as journal:
+        journal.blob("glove.toml", bytes(2000))
+        journal.close({})
+    finalise(tmp_path / "a.journal", tmp_path / "a.h5")
+    whole = (tmp_path / "a.h5").read_bytes()
+    for kept, place in ((len(whole) // 2, "cut short"), (len(whole) - 10, "the seal at its end is missing")):
+        (tmp_path / "cut.h5").write_bytes(whole[:kept])
+        code, out, _ = command("recording", "info", tmp_path / "cut.h5", "--json")
+        (damaged,) = strict_json(out)["damaged"]
+        assert code == 1
+        assert place in damaged
+        assert place in refused("replay", tmp_path / "cut.h5")
+    (tmp_path / "text.h5").write_text("side = 'right'\n")
+    assert "does not begin as such a file does" in refused("recording", "info", tmp_path / "text.h5")
+
+
+def test_what_was_recovered_is_said_in_words(command, tmp_path):
+    from haptics.recording import Journal
+
+    with Journal.create(tmp_path / "a.journal", {"seed": 1}) as journal:
+        journal.blob("glove.toml", b"x")
+        journal.commit()
+    code, out, _ = command("recording", "recover", tmp_path / "a.journal")
+    assert code == 0
+    assert "removed: all of it is in the recording" in out
+    assert "complete" in out
+    assert "{" not in out
+    assert "False" not in out
+
+
+def test_a_port_without_a_board_is_not_called_safe(command, monkeypatch):
+    from haptics.session import off as off_module
+
+    found = [off_module.Off("/dev/ttyS0", None, True, "no identity"), off_module.Off("/dev/ttyACM0", "brake", True, "off")]
+    monkeypatch.setattr(off_module, "make_safe", lambda port: found)
+    code, out, _ = command("off")
+    silent, board = (next(line for line in out.splitlines() if name in line) for name in ("ttyS0", "ttyACM0"))
+    assert code == 0
+    assert "no board" in silent
+    assert "yes" not in silent
+    assert "yes" in board

@@ -79,6 +79,13 @@ def test_units_and_axes_are_named_and_the_cure_is_right(vertices, frame, seen, r
     assert opened(path, **frame).on(BODY.straight_m) == pytest.approx(right, abs=1e-6)
 
 
+def test_units_alone_are_named_where_they_suffice(tmp_path, refused):
+    """Turned by half it would lie on the other arm, nearer by less than a millimetre."""
+    other = np.stack([X, -Y, Z], axis=1)
+    error = refused(*words(write(tmp_path / "mine.obj", 1000 * other, F)))
+    assert error.endswith("drawn in millimetres it lies on the body; allowed: as it was drawn, with --units mm\n")
+
+
 def test_wrong_units_and_axes_are_named_as_well(tmp_path, refused):
     path = write(tmp_path / "mine.obj", V, F)
     assert "it looks z up; this body is z up, and y was said to be; allowed: as it was drawn, with --up z" in refused(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from haptics.errors import InputError
+from haptics.errors import ClockUncertain, InputError
 from haptics.link.messages import State
 
 
@@ -83,3 +83,130 @@ def test_volts_outside_the_limits_are_refused_by_name(glove, volts):
 def test_neither_force_nor_volts_is_refused(glove):
     with pytest.raises(InputError, match="exactly one"):
         glove.brake("index")
+
+
+def _results(glove):
+    return [(one.site, one.kind, one.played, one.reason) for one in glove.results()]
+
+
+def test_every_brake_that_was_asked_for_gives_one_result(glove):
+    glove.arm()
+    glove.brake("index", volts=400, ttl_s=0.5)
+    glove.brake("thumb", volts=800, ttl_s=0.5)
+    glove.advance(0.4)  # many refreshes, which nobody asked for
+    assert _results(glove) == [("index", "brake", True, None), ("thumb", "brake", True, None)]
+    glove.advance(0.4)
+    assert glove.results() == []
+
+
+def test_a_result_of_a_brake_says_when_it_was_asked_for_and_when_it_begins(glove):
+    glove.arm()
+    asked_ns = glove._glove.now_ns()
+    glove.brake("index", volts=400, ttl_s=0.5)
+    glove.advance(0.1)
+    rise_ns = min(time_ns for time_ns, _, kind, _ in _truth(glove)["events"] if kind != "shorted" and time_ns > asked_ns)
+    (result,) = glove.results()
+    assert result.requested_ns == asked_ns
+    assert asked_ns < result.start_ns <= rise_ns + 50_000  # the board's clock is known about so well
+
+
+def test_a_brake_that_no_command_spoke_of_yet_is_superseded(glove):
+    glove.arm()
+    brakes, now_ns = glove._glove.brakes, glove._glove.now_ns()
+    for volts in (300, 400):
+        brakes.engage("index", volts, now_ns)
+    brakes.engage("thumb", 400, now_ns)
+    brakes.release("thumb", now_ns)
+    glove.advance(0.1)
+    assert _results(glove) == [
+        ("index", "brake", False, "superseded"),
+        ("thumb", "brake", False, "superseded"),
+        ("index", "brake", True, None),
+    ]
+
+
+def test_a_brake_whose_time_was_over_before_the_next_tick_is_late(glove):
+    glove.arm()
+    brakes, now_ns = glove._glove.brakes, glove._glove.now_ns()
+    brakes.engage("index", 300, now_ns, ttl_s=0.001)
+    brakes.tick(now_ns + 5_000_000)
+    assert _results(glove) == [("index", "brake", False, "late")]
+
+
+def test_piezos_give_a_result_each(glove):
+    glove.arm()
+    glove._glove.brakes.piezo(["index", "thumb"], 0.05, glove._glove.now_ns())
+    glove.advance(0.1)
+    assert _results(glove) == [("index", "piezo", True, None), ("thumb", "piezo", True, None)]
+
+
+def test_a_refused_refresh_is_a_result_of_each_output_that_was_held(glove, monkeypatch):
+    glove.arm()
+    glove.brake("index", volts=400, ttl_s=5.0)
+    glove.advance(0.02)
+    assert _results(glove) == [("index", "brake", True, None)]
+
+    def unsure(host_ns):
+        raise ClockUncertain("sim://brake", "too coarse")
+
+    monkeypatch.setattr(glove._glove.links["brake"], "to_ticks", unsure)
+    glove.advance(0.1)
+    assert set(_results(glove)) == {("index", "brake", False, "clock")}
+
+
+def test_what_was_asked_for_and_not_sent_when_going_off_is_denied(glove):
+    glove.arm()
+    glove._glove.brakes.engage("index", 400, glove._glove.now_ns())
+    glove._glove.brakes.set_armed(False)
+    assert _results(glove) == [("index", "brake", False, "unarmed")]
+
+
+def test_one_output_is_let_go_of_and_the_other_held_on(glove):
+    glove.arm()
+    for name in ("index", "thumb"):
+        glove.brake(name, volts=800, ttl_s=5.0)
+    glove.advance(0.1)
+    glove._glove.brakes.release("index", glove._glove.now_ns())
+    index, thumb = [], []
+    for _ in range(12):
+        glove.advance(0.005)
+        volts = _truth(glove)["volts"]
+        index.append(abs(volts[0]))
+        thumb.append(abs(volts[1]))
+    assert max(index[2:]) < 60
+    assert max(thumb) > 700
+
+
+def test_all_outputs_are_let_go_of_at_once_and_not_when_their_command_runs_out(glove):
+    glove.arm()
+    glove.brake("index", volts=800, ttl_s=5.0)
+    glove.advance(0.1)
+    glove._glove.brakes.release_all(glove._glove.now_ns())
+    glove.advance(0.012)  # the command lead, and a discharge
+    assert max(map(abs, _truth(glove)["volts"])) < 60
+    glove.advance(0.1)
+    assert max(map(abs, _truth(glove)["volts"])) < 1
+
+
+def test_what_the_board_refuses_is_said(glove):
+    """1500 V at 500 Hz is more than the supply can charge; and a clock that is not known schedules nothing."""
+    glove.arm()
+    brakes = glove._glove.brakes
+    brakes.engage("index", 1500.0, glove._glove.now_ns(), frequency_hz=500.0)
+    glove.advance(0.05)
+    assert {(refusal.command, refusal.reason) for refusal in brakes.take_refusals()} == {("drive", "bad_value")}
+    brakes.release_all(glove._glove.now_ns())
+    glove.advance(0.05)
+    brakes.take_refusals()
+    brakes.piezo(["index"], 0.1, glove._glove.now_ns(), at_ns=glove._glove.now_ns() + 10_000_000_000)
+    assert [refusal.command for refusal in brakes.take_refusals()] == ["piezo"]
+    assert max(map(abs, _truth(glove)["volts"])) < 1
+
+
+@pytest.mark.parametrize("volts", [1500.5, -0.1, float("inf")])
+def test_the_driver_itself_takes_no_volts_beyond_its_limit(glove, volts):
+    """Not only the face of a script: scenes and patterns come in here."""
+    glove.arm()
+    with pytest.raises(InputError, match="amplitude_v"):
+        glove._glove.brakes.engage("index", volts, glove._glove.now_ns())
+    assert glove._glove.brakes.engaged() == {}

@@ -65,6 +65,11 @@ def test_unarmed_requests_are_denied_and_nothing_moves(glove):
     assert _truth(glove)["latched"][1] == "on"
 
 
+def test_a_train_that_nobody_may_play_is_denied_at_once(glove):
+    glove.pulse("thumb_tip", count=5)
+    assert [(r.kind, r.played, r.reason) for r in glove.results()] == [("pulse", False, "unarmed")] * 5
+
+
 def test_all_sites_at_once_keep_within_the_current_limit_and_the_latency_bound(glove):
     glove.arm()
     start_ns = glove._glove.now_ns()

@@ -16,6 +16,7 @@ MS = 1_000_000
     ("delay_ms", "said"),
     [
         (0, "good: clock known within 0."),
+        (2, "coarse: clock known within 2"),
         (10, "coarse: clock known within 1"),
         (45, "too coarse to schedule: clock known within 4"),
     ],
@@ -25,6 +26,7 @@ def test_identify_says_whether_a_line_can_be_scheduled_over(delay_ms, said):
     assert line.startswith(said)
     assert ("latency timer to 1 ms" in line) == (delay_ms > 0)
     assert ("25 ms needed" in line) == (delay_ms == 45)
+    assert ("to measure by" in line) == (delay_ms == 10)
 
 
 def test_a_command_that_waited_until_it_can_only_be_late_is_not_sent():

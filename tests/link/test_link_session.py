@@ -628,6 +628,7 @@ def test_arm_then_disarm_in_one_breath_ends_disarmed(ready):
     ready.run(5)
     assert not ready.session.armed
     assert ready.board.types()[-2:] == [ARM, DISARM]
+    assert ready.happened(Disarmed) == []  # it was asked for: known by the answer, and no news of telemetry's
 
 
 def test_telemetry_carries_the_host_time_of_its_measurement(ready):

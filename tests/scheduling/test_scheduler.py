@@ -363,6 +363,15 @@ def test_stop_denies_everything_pending_with_its_reason_and_ends_bursts_after_wh
     assert scheduler.stop() == []
 
 
+def test_stop_denies_a_release_that_goes_before_what_waits_as_well():
+    scheduler = armed()
+    scheduler.submit(release(0, 40 * MS), 0)
+    scheduler.submit(contact(0, 50 * MS), 0)
+    assert sorted(reasons(scheduler.stop("ended"))) == [(0, "ended", None), (0, "ended", None)]
+    assert scheduler.pending == 0
+    assert scheduler.step(MS, 200 * MS) == ([], [])
+
+
 def test_a_limit_below_one_coil_denies_for_current():
     scheduler = armed(coils_at_once=0)
     assert reasons(scheduler.submit(release(0, 0), 0)) == [(0, "current", None)]

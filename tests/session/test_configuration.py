@@ -11,6 +11,7 @@ import pytest
 
 from haptics.errors import InputError
 from haptics.session.configuration import Configuration, check_configuration, load_configuration
+from haptics.session.glove import Glove
 
 DOCS = Path(__file__).resolve().parents[2] / "docs" / "reference"
 
@@ -131,3 +132,74 @@ def test_a_port_of_a_kind_that_is_not_opened_is_refused_in_a_file(tmp_path, part
     with pytest.raises(InputError, match=f"{part}.port"):
         load_configuration(file)
     assert victim.read_text() == "mine"
+
+
+@pytest.mark.parametrize(
+    ("table", "said"),
+    [
+        ({"tactile": {}}, "there is no key tactile; allowed: side, tracker_latency_s, tick_hz, tactiles, brake"),
+        ({"tactiles": {"rise_limit": 5}}, "there is no key tactiles.rise_limit; allowed: port, baud, sites, rise_limit_k"),
+        (
+            {"tactiles": {"calibration": {"index_tip": {"tau": 5}}}},
+            "tactiles.calibration.index_tip.tau; allowed: tau_s, tau_sd_s",
+        ),
+        ({"brake": {"port": "spy://x"}}, "brake.port = 'spy://x': port = 'spy://x' is of a kind"),
+    ],
+)
+def test_an_unknown_key_is_refused_with_those_there_are(table, said):
+    with pytest.raises(InputError) as refused:
+        check_configuration(table, "glove.toml")
+    assert said in str(refused.value)
+
+
+def worked_hard(table: dict, sites: tuple[str, ...] = ("index_tip",), cycles: int = 400) -> dict:
+    """The plant, after a glove of this file was asked for more than it may give: out and in again each 40 ms."""
+    part = check_configuration({"tactiles": {"port": "sim://tactiles?spread=0", **table}}, "glove.toml").tactiles
+    glove = Glove(part, None, realtime=False)
+    try:
+        glove.arm()
+        most_on = 0
+        for _ in range(cycles):
+            for move in (glove.tactiles.contact, glove.tactiles.release):
+                for site in sites:
+                    move(site, glove.now_ns())
+                for _ in range(4):
+                    glove.step_to(glove.now_ns() + 5_000_000)
+                    most_on = max(most_on, sum(glove.plant("tactiles").truth()["coils_on"]))
+        return {**glove.plant("tactiles").truth(), "most_on": most_on}
+    finally:
+        glove.off()
+        glove.close()
+
+
+@pytest.mark.parametrize("limit_k", [4.0, 9.0])
+def test_a_rise_limit_holds_on_the_plant_and_is_used_up(limit_k):
+    """Measured where the heat is: an ideal array comes near its own limit, and never passes it."""
+    hottest = max(worked_hard({"rise_limit_k": limit_k}, cycles=100)["rise_k"])
+    assert 0.5 * limit_k < hottest <= limit_k  # what no bench has measured is counted as the warmest within tolerance
+
+
+def test_a_current_limit_holds_on_the_plant():
+    assert worked_hard({"current_limit_a": 8.0}, ("index_tip", "thumb_tip", "palm_outer"), cycles=3)["most_on"] == 2
+
+
+def test_an_actuator_that_its_bench_found_to_warm_more_is_spared_more():
+    """Twice the kelvins a watt: the same limit is reached with half the energy."""
+    own = {"calibration": {"index_tip": {"c_k_per_w": 138.0}, "palm_outer": {"c_k_per_w": 69.0}}, "rise_limit_k": 6.0}
+    energy_j = worked_hard(own, ("index_tip", "palm_outer"), cycles=100)["energy_j"]
+    assert energy_j[1] == pytest.approx(energy_j[14] / 2, rel=0.15)
+
+
+def test_a_brakes_time_to_live_is_what_its_volts_have_when_the_program_hangs():
+    part = check_configuration({"brake": {"ttl_s": 0.05}}, "glove.toml").brake
+    glove = Glove(None, part, realtime=False)
+    try:
+        glove.arm()
+        glove.brakes.engage("index", 800.0, glove.now_ns())
+        glove.step_to(glove.now_ns() + 40_000_000)
+        assert abs(glove.plant("brake").truth()["volts"][0]) > 100
+        glove.follow(glove.now_ns() + 70_000_000)  # the link lives, the driver is not ticked any more
+        assert abs(glove.plant("brake").truth()["volts"][0]) < 60
+    finally:
+        glove.off()
+        glove.close()

@@ -114,6 +114,8 @@ def test_a_session_takes_what_it_is_made_of_and_no_other():
             assert refused(haptics.Session, junk, glove, configuration).startswith("scene = ")
             assert refused(haptics.Session, scene, junk, configuration).startswith("glove = ")
             assert refused(haptics.Session, scene, glove, junk).startswith("configuration = ")
+            if junk is not None:
+                assert refused(haptics.Session, scene, glove, configuration, junk).startswith("recorder = ")
         session = haptics.Session(scene.placed(None, None, "right"), glove, configuration)
         session.begin(0)
         for junk in (None, "pose", {"joints": []}, 5):
@@ -127,3 +129,75 @@ def test_every_name_of_the_face_is_in_this_table():
     harmless = {"shipped_scenes", "HandFrame"}  # takes nothing; checked where it is submitted
     callables = {name for name in dir(haptics) if callable(getattr(haptics, name)) and "Error" not in name}
     assert callables == covered | harmless
+
+
+def test_what_a_glove_is_given_besides_its_parts_is_checked():
+    part = haptics.load_configuration(None).tactiles
+    for junk in (None, "false", 0, 1.0, [], math.nan):
+        assert refused(haptics.Glove, part, None, realtime=junk).startswith("realtime = ")
+        assert refused(haptics.Glove, part, None, realtime=False, limit_pulses=junk).startswith("limit_pulses = ")
+    for junk in ("level=event", 3, [("tactiles", {})], {"array": {}}, {"tactiles": "level=event"}):
+        assert refused(haptics.Glove, part, None, realtime=False, simulate=junk).startswith("simulate")
+    assert refused(haptics.Glove, part, None, realtime=False, wire_tap="tap").startswith("wire_tap = ")
+
+
+def test_every_argument_of_a_glove_in_parts_is_checked():
+    glove = haptics.Glove(haptics.load_configuration(None).tactiles, None, realtime=np.bool_(False))
+    try:
+        for method, argument in (
+            ("follow", "to_ns"),
+            ("tick", "now_ns"),
+            ("step_to", "to_ns"),
+            ("on_event", "sink"),
+            ("plant", "name"),
+        ):
+            for junk in (None, math.nan, "4", [1], 10**400, np.zeros(3)):
+                assert refused(getattr(glove, method), junk).startswith(f"{argument} = ")
+        glove.step_to(np.int64(glove.now_ns() + 1000))
+    finally:
+        glove.close()
+
+
+def test_one_port_is_not_two_boards():
+    assert "port for each board" in refused(haptics.open, tactiles="sim://tactiles", brake="sim://tactiles", clock="virtual")
+
+
+@pytest.mark.parametrize("url", ["sim://tactiles#x", "sim://tactiles/x", "sim://tactiles?seed=1&seed=2", "sim://tactiles?foo=1"])
+def test_a_simulated_board_is_opened_by_what_its_url_says_or_not_at_all(url):
+    refused(haptics.open, tactiles=url, clock="virtual")
+
+
+def test_a_port_is_no_configuration():
+    assert refused(haptics.open, "sim://tactiles") == (
+        "config = 'sim://tactiles' is a port; allowed: a file's name; ports have options of their own"
+    )
+
+
+class Unshowable:
+    def __repr__(self):
+        raise RuntimeError("no")
+
+
+LONG = {
+    "digits": 10**5000,
+    "fewer digits": -(10**400),
+    "text": "x" * 5000,
+    "bytes": b"x" * 5000,
+    "list": list(range(5000)),
+    "unshowable": Unshowable(),
+    "array": np.zeros((40, 40)),
+}
+
+
+@pytest.mark.parametrize("which", LONG)
+def test_whatever_is_refused_is_named_in_one_short_line(glove, which):
+    for method, arguments, argument in (
+        ("contact", {}, "site"),
+        ("pulse", {"site": "index_tip"}, "count"),
+        ("brake", {"name": "index"}, "volts"),
+        ("advance", {}, "seconds"),
+    ):
+        said = refused(getattr(glove, method), **arguments, **{argument: LONG[which]})
+        assert said.startswith(f"{argument} = ")
+        assert len(said) < 400
+        assert "\n" not in said

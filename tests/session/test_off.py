@@ -148,3 +148,11 @@ def test_a_port_lost_in_the_middle_is_not_safe(monkeypatch):
     monkeypatch.setattr(off_module.Link, "send", gone)
     (seen,) = make_safe([board()])
     assert not seen.safe
+
+
+def test_a_found_port_that_speaks_in_whole_frames_is_a_board_whatever_else_it_says(off, monkeypatch):
+    monkeypatch.setattr("haptics.link.session.LinkSession._on_identity", lambda *_: None)
+    monkeypatch.setattr(off_module, "list_ports", lambda: [PortInfo(board(), "found")])
+    code, seen = off()
+    assert "no identity" in seen["ports"][0]["result"]
+    assert (code, seen["safe"]) == (1, False)

@@ -247,3 +247,66 @@ def test_a_thread_that_cannot_be_started_leaves_no_port_open(monkeypatch):
         open_glove(tactiles=TACTILES)
     assert made
     assert not any(port.is_open for port in made)
+
+
+def test_a_call_serves_a_glove_whose_thread_gets_no_turn(real, monkeypatch):
+    """Many threads that call all the time keep the lock from the one that serves; the boards hear from the calls then."""
+    real.arm()
+    real._service.stop()  # it never gets a turn again
+    real._service._stopping.clear()
+    served = []
+    monkeypatch.setattr(real._service, "serve", lambda: served.append(real._glove.now_ns()))
+    with real._lock:
+        late_ns = service_module.awake_ns() + 2_000_000
+        monkeypatch.setattr(service_module, "awake_ns", lambda: late_ns)
+        real.contact("index_tip")
+    assert len(served) == 1
+
+
+def test_the_first_call_after_a_gap_already_says_so(real, monkeypatch):
+    real.arm()
+    with real._lock:  # the thread has not had a turn since the process went on
+        late_ns = service_module.awake_ns() + 1_500_000_000
+        monkeypatch.setattr(service_module, "awake_ns", lambda: late_ns)
+        with pytest.raises(DeadManMissed, match=r"did not serve the glove for 1\."):
+            real.contact("index_tip")
+        assert [one.reason for one in real.results() if one.site == "index_tip"] == []
+
+
+def test_off_clears_a_latched_dead_man_so_that_the_glove_can_be_armed_again():
+    with virtual() as glove:
+        glove.arm()
+        clock = glove._glove.clock
+        late_ns = clock.now_ns() + 300_000_000
+        for link in glove._glove.links.values():  # boards go on by themselves
+            link.advance(late_ns)
+        clock.advance_to(late_ns)
+        glove.advance(0.05)
+        with pytest.raises(HapticsError, match=r"latched: dead_man .*off\(\) of an open glove"):
+            glove.arm()
+        glove.off()
+        glove.arm()
+        glove.contact("index_tip")
+        glove.advance(0.05)
+        assert [one.played for one in glove.results() if one.reason != "unarmed"] == [True]
+
+
+def test_leaving_a_with_clears_no_fault(monkeypatch):
+    glove = virtual()
+    monkeypatch.setattr(glove._glove, "clear_faults", lambda: pytest.fail("a fault nobody looked at was cleared"))
+    with glove:
+        glove.arm()
+
+
+def test_a_forked_process_neither_uses_nor_closes_the_glove_of_its_parent(monkeypatch):
+    glove = virtual()
+    glove.arm()
+    monkeypatch.setattr("haptics.session.open_glove.os.getpid", lambda: -1)
+    for call in CALLS.values():
+        with pytest.raises(GloveEnded, match="served by process"):
+            call(glove)
+    glove.close()
+    monkeypatch.undo()
+    assert set(glove.state().armed) == {"tactiles", "brake"}
+    glove.close()
+    assert not any(port.is_open for port in ports(glove))

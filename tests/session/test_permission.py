@@ -377,3 +377,68 @@ def test_armed_again_after_any_way_at_any_phase_nothing_is_energised(glove: Open
         Truth(glove).stays_quiet(0.3)
         glove.off()
         glove.advance(CLEAR_S)
+
+
+@pytest.mark.parametrize("core", ["py"])
+@pytest.mark.parametrize("kind", ["pulse", "burst"])
+def test_a_pin_that_is_out_because_its_pulse_was_cut_short_is_not_believed_in(glove: OpenGlove, kind: str):
+    """The board is made safe at each ms of a pulse; where the stroke back did not play, the next off makes up for it."""
+    array, plant = glove._glove.tactiles, glove._glove.plant("tactiles")
+    assert array is not None
+    assert plant is not None
+    left_out = 0
+    for after_ms in range(3, 14):
+        glove.arm()
+        if kind == "pulse":
+            glove.pulse("index_tip")
+        else:
+            array.burst("index_tip", 10, glove._glove.now_ns())
+        glove.advance(after_ms / 1000)
+        another_host("stop")(glove)
+        glove.advance(CLEAR_S)
+        out = plant.truth()["latched"][1] == "on"
+        left_out += out
+        assert not out or glove.state().pins_out == ("index_tip",)
+        glove.arm()
+        glove.off()
+        assert plant.truth()["latched"][1] == "off"
+        assert glove.state().pins_out == ()
+    assert left_out
+
+
+@pytest.mark.parametrize("core", ["py"])
+def test_a_pin_that_nobody_knows_of_and_nobody_wants_out_is_brought_in_before_its_next_pulse(glove: OpenGlove):
+    glove.arm()
+    glove.pulse("index_tip")
+    glove.advance(0.007)  # out, and not back
+    another_host("stop")(glove)
+    glove.advance(CLEAR_S)
+    glove.arm()
+    assert glove.state().pins_out == ("index_tip",)
+    glove.results()
+    glove.pulse("index_tip", count=3, rate_hz=20)
+    glove.advance(0.3)
+    assert [(one.kind, one.played) for one in glove.results()] == [("release", True), *[("pulse", True)] * 3]
+    assert glove.state().pins_out == ()
+    assert glove._glove.plant("tactiles").truth()["latched"][1] == "off"
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_pulses_over_a_bad_line_leave_no_pin_out(seed: int):
+    """A stroke out that a board took and a stroke back that came too late: the pin is brought in, and believed where it is."""
+    url = f"sim://tactiles?level=event&seed={seed}&faults=drop=0.06,delay=0.04,delay_ms=8"
+    rng = random.Random(seed)
+    with product.open(tactiles=url, clock="virtual") as opened:
+        opened.arm()
+        array, plant = opened._glove.tactiles, opened._glove.plant("tactiles")
+        assert array is not None
+        assert plant is not None
+        for _ in range(60):
+            for site in rng.sample(array.sites, 2):
+                opened.pulse(site)
+            array.burst(rng.choice(array.sites), 3, opened._glove.now_ns())
+            opened.advance(0.02)
+        assert "late" in {result.reason for result in opened.results()}
+        opened.advance(1.0)
+        assert set(plant.truth()["latched"]) == {"off"}
+        assert opened.state().pins_out == ()

@@ -29,7 +29,7 @@ import numpy as np
 from haptics.errors import InputError
 from haptics.garments.design.rating import Densities
 from haptics.garments.mesh import Bools, Floats
-from haptics.recording.hdf5_file import attribute_of, group_at, reading, text_at, values_at, writing
+from haptics.recording.hdf5_file import DamagedFile, attribute_of, group_at, reading, text_at, values_at, writing
 from haptics.recording.output import replacing
 from haptics.recording.seal import check_seal, seal
 
@@ -203,7 +203,7 @@ def _put(file: Any, name: str, data: Any) -> None:
 def _read(path: Path) -> tuple[dict[str, Any], DesignSequence]:
     found = check_seal(path)
     if found is not None and not found.whole:
-        raise InputError(f"{path} is damaged, or was changed since it was written: {', '.join(found.damage)}")
+        raise DamagedFile(path, found.damage)
     try:
         with reading(path) as file:
             layout = file.attrs.get("haptics_designs")

@@ -8,7 +8,7 @@ from typing import Any
 
 from haptics.errors import LinkError
 from haptics.link.connection import Link
-from haptics.link.events import FaultReported, Rebooted, Telemetry
+from haptics.link.events import NO_CHANNEL, FaultReported, Rebooted, Telemetry
 from haptics.link.framing import BITS_PER_BYTE, FRAMING_BYTES
 from haptics.link.messages import DEFAULT_BAUD, Board, Fault, State, payload_size
 from haptics.link.ports import open_port
@@ -21,7 +21,6 @@ from haptics.time import NS_PER_MS, NS_PER_S, seconds_to_ns
 
 TELEMETRY_PERIOD_NS = 20 * NS_PER_MS
 _LONGEST_COMMAND = payload_size("pulse") + FRAMING_BYTES
-_NO_CHANNEL = 255
 _LOOK_S = 0.1
 _SKEW_S = 0.7  # a rate takes exchanges that lie apart
 
@@ -134,9 +133,9 @@ def line_in_words(link: Link, now_ns: int) -> str:
     known = f"clock known within {known_s * 1e3:.2g} ms"
     if known_s > needs.max_error_s:
         return f"too coarse to schedule: {known}, {needs.max_error_s * 1e3:g} ms needed; {FINER_LINE}"
-    if known_s > needs.exact_error_s:
-        measure = f"{needs.exact_error_s * 1e3:g} ms needed to measure by"
-        return f"coarse: {known}, so commands play that much later ({measure}); {FINER_LINE}"
+    if known_s > needs.fine_error_s:
+        measure = f" ({needs.exact_error_s * 1e3:g} ms needed to measure by)" if known_s > needs.exact_error_s else ""
+        return f"coarse: {known}, so commands play that much later{measure}; {FINER_LINE}"
     return f"good: {known}"
 
 
@@ -182,7 +181,7 @@ class Monitor:
             if isinstance(event, Telemetry):
                 self._take(event)
             elif isinstance(event, FaultReported):
-                channel = "" if event.channel == _NO_CHANNEL else f", channel {event.channel}"
+                channel = "" if event.channel == NO_CHANNEL else f", channel {event.channel}"
                 self._notes.append(f"fault {_fault_name(event.fault)}{channel}, value {event.value}")
             elif isinstance(event, Rebooted):
                 self._last = None
