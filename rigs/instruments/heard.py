@@ -29,13 +29,15 @@ class Heard:
         if line and line not in self._strange:
             self._strange.append(line)
 
-    def in_words(self, expected: str) -> str:
-        """What was seen instead of ``expected``, and what that suggests."""
+    def in_words(self, expected: str, answered: bool = False) -> str:
+        """What was seen instead of ``expected``, and what that suggests; ``answered``: it did say what it is."""
         if self._strange:
             quoted = ", ".join(repr(line[:_QUOTED]) for line in self._strange)
             comma = any(_DECIMAL_COMMA.search(line) for line in self._strange)
             hint = " (a decimal comma? numbers have a point, and blanks between them)" if comma else ""
             return f"it prints {quoted}{hint}; expected {expected}"
+        if answered:
+            return f"nothing else came; expected {expected}"
         if self.bytes_in:
             return f"{self.bytes_in} bytes came, but no line, beginning with {self._first!r}; is this its baud rate?"
         return "not one byte came; is it on, on this port, and at this baud rate?"

@@ -156,7 +156,7 @@ class SampleStream:
         if self._index and not self.header:
             return f"it prints samples, but does not answer '?' with '# {self.kind} rate_hz=...'"
         if self.header and not self._index:
-            return f"it says what it is, but no sample: {self._heard.in_words(self._expected)}"
+            return f"it says what it is, but no sample: {self._heard.in_words(self._expected, answered=True)}"
         return self._heard.in_words(self._expected)
 
     @property

@@ -227,7 +227,7 @@ def test_a_supply_that_gives_too_much_is_reported_as_the_board_says():
 
 
 def test_a_probe_that_never_prints_ends_the_run_at_once():
-    with pytest.raises(InstrumentSilent, match="the probe prints nothing"):
+    with pytest.raises(InstrumentSilent, match="it says what it is, but no sample: nothing else came"):
         supply.run(BenchOptions(instruments={"probe": "sim://probe?silent_at_s=0"}))
 
 
