@@ -26,7 +26,6 @@ from haptics.scene.sites import SITES
 from haptics.scheduling.coil_heat import BUILT_ON_TIME_S, CoilHeat
 from haptics.units import brief, file_path
 
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 PortUrl = Annotated[str, AfterValidator(check_port)]
 
 
