@@ -52,7 +52,7 @@ def info(
     if json:
         print_json(found)
     else:
-        shown = {"is": found.kind, "complete": _yes(found.complete), "lost": f"{found.lost_bytes} bytes"}
+        shown = {"is": found.kind, "complete": _yes(found.complete), "lost": _bytes(found.lost_bytes)}
         shown |= {"damaged": found.damaged or "no", "verified": _yes(found.verified)}
         print_pairs(str(path), shown | _rows(found.rows))
         with printing():
@@ -77,6 +77,10 @@ def replay(
 
 def _yes(true: bool) -> str:
     return "yes" if true else "no"
+
+
+def _bytes(count: int | None) -> str:
+    return "unknown" if count is None else f"{count} bytes"
 
 
 def _rows(counts: dict[str, int]) -> dict[str, int]:

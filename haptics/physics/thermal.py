@@ -78,12 +78,6 @@ def bounding(c_k_per_w: float, tau_low_s: float, tau_high_s: float) -> ThermalPa
     return ThermalParameters(tau_s=tau_high_s, c_k_per_w=c_k_per_w * tau_high_s / tau_low_s)
 
 
-THERMAL_WORST = bounding(
-    THERMAL.c_k_per_w + THERMAL.c_sd_k_per_w, THERMAL.tau_s - THERMAL.tau_sd_s, THERMAL.tau_s + THERMAL.tau_sd_s
-)
-"""Never cooler than any actuator within the stated tolerance: 107 s and 87.1 K/W (thesis 3.5.2)."""
-
-
 def pulse_rise_k(energy_j: float = PULSE_ENERGY_J, parameters: ThermalParameters = THERMAL) -> float:
     """Jump in rise of one short pulse, ``E c / tau``: 0.1218 K for the 0.18 J of a 10 ms switch at 18 W.
 

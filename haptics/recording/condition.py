@@ -20,7 +20,7 @@ class Condition:
 
     :ivar kind: ``recording`` or ``journal``.
     :ivar complete: the session ended well and nothing is missing.
-    :ivar lost_bytes: bytes of the journal that are in no recording.
+    :ivar lost_bytes: bytes of the journal that are in no recording; None: nobody knows, for the file is damaged.
     :ivar ended: how the session ended where it did not end well; else empty.
     :ivar damaged: places that are not as they were written; nothing of a damaged recording is believed.
     :ivar verified: checksums say that what is there is what was written.
@@ -30,7 +30,7 @@ class Condition:
     path: Path
     kind: str
     complete: bool
-    lost_bytes: int
+    lost_bytes: int | None
     ended: str
     damaged: list[str]
     verified: bool
@@ -55,7 +55,7 @@ def condition_of(path: str | os.PathLike[str]) -> Condition:
             recording.blob(name)
     except DamagedFile as error:
         note = "nothing of it is believed; use a copy"
-        return Condition(path, "recording", False, 0, "", list(error.places), False, notes=(note,))
+        return Condition(path, "recording", False, None, "", list(error.places), False, notes=(note,))
     return Condition(
         path,
         "recording",

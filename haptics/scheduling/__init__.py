@@ -1,6 +1,6 @@
 """Which pulse when: heat accounts, the current limit, priorities, and how long one may have to wait."""
 
-from haptics.scheduling.coil_heat import WORST_COIL, CoilHeat
+from haptics.scheduling.coil_heat import CoilHeat
 from haptics.scheduling.latency import latency_bound_s, sustained_latency_bound_s
 from haptics.scheduling.limits import CoilLimits
 from haptics.scheduling.requests import CoilPulse, Outcome, Priority, Request, Stroke, burst, contact, pulse, release
@@ -8,7 +8,6 @@ from haptics.scheduling.scheduler import Scheduler
 from haptics.scheduling.thermal_budget import ThermalBudget
 
 __all__ = [
-    "WORST_COIL",
     "CoilHeat",
     "CoilLimits",
     "CoilPulse",

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from haptics.physics.thermal import PULSE_POWER_W, PULSE_S, THERMAL, THERMAL_WORST, WORST_PULSE_POWER_W, ThermalParameters
+from haptics.physics.thermal import PULSE_POWER_W, PULSE_S, THERMAL, ThermalParameters
 from haptics.units import in_range
 
 BOARD_TAU_S = 102.0
@@ -61,7 +61,3 @@ class CoilHeat:
         slowness = max(1.0, self.parameters.tau_s / BOARD_TAU_S)
         most_s = max(account_s, BUILT_ON_TIME_S)
         return self.jump_k_per_s * most_s * slowness * (account_s / most_s) ** (1.0 / slowness)
-
-
-WORST_COIL = CoilHeat(THERMAL_WORST, WORST_PULSE_POWER_W)
-"""Never cooler than any coil within the stated tolerance: what is assumed of one that nobody measured."""

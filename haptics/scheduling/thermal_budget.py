@@ -4,9 +4,8 @@ First order (thesis 3.5.2): every pulse is a jump of ``E c / tau``, between puls
 account moves only when it is asked or charged, and then exactly, over integer nanoseconds. The closed forms themselves
 are those of ``haptics.physics``; here they start from the rise as it is now.
 
-An account is as good as its parameters. With the published ones it is the nominal actuator; with
-``physics.thermal.THERMAL_WORST`` and the most power a coil can take it is never below the truth of any actuator within
-tolerance (``CoilHeat``).
+An account is as good as its parameters. With the published ones it is the nominal actuator; with those of ``bounding`` and
+the most power a coil can take it is never below the truth of any actuator within tolerance (``CoilHeat``).
 """
 
 from __future__ import annotations

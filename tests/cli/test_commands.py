@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 
 REPORTING = {
@@ -179,8 +181,10 @@ def test_a_recording_cut_short_is_damaged_and_no_recording_is_no_such_file(comma
     for kept, place in ((len(whole) // 2, "cut short"), (len(whole) - 10, "the seal at its end is missing")):
         (tmp_path / "cut.h5").write_bytes(whole[:kept])
         code, out, _ = command("recording", "info", tmp_path / "cut.h5", "--json")
-        (damaged,) = strict_json(out)["damaged"]
-        assert code == 1
+        found = strict_json(out)
+        (damaged,) = found["damaged"]
+        assert (code, found["lost_bytes"]) == (1, None)
+        assert re.search(r"lost\W+unknown", command("recording", "info", tmp_path / "cut.h5")[1])
         assert place in damaged
         assert place in refused("replay", tmp_path / "cut.h5")
     (tmp_path / "text.h5").write_text("side = 'right'\n")

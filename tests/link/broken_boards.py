@@ -133,6 +133,27 @@ def any_byte_feeds(patch: pytest.MonkeyPatch) -> None:
     patch.setattr(FirmwareModel, "handle", fed)
 
 
+def any_frame_feeds(patch: pytest.MonkeyPatch) -> None:
+    take = FirmwareModel._take
+
+    def fed(self: Any, frame: Any) -> None:
+        self._fed_ns = self.now_ns
+        take(self, frame)
+
+    patch.setattr(FirmwareModel, "_take", fed)
+
+
+def any_length_feeds(patch: pytest.MonkeyPatch) -> None:
+    take = FirmwareModel._take
+
+    def fed(self: Any, frame: Any) -> None:
+        if frame.type in board_module.BY_TYPE:
+            self._fed_ns = self.now_ns
+        take(self, frame)
+
+    patch.setattr(FirmwareModel, "_take", fed)
+
+
 def comes_back_by_itself(patch: pytest.MonkeyPatch) -> None:
     take = FirmwareModel._take
 
@@ -495,6 +516,8 @@ BREAKAGES: list[tuple[Callable[[pytest.MonkeyPatch], None], Board, set[str]]] = 
     (no_dead_man, BRAKE, {"dead-man.armed", "dead-man.energised"}),
     (slow_dead_man, COIL, {"dead-man.armed", "identity.fields"}),
     (any_byte_feeds, BRAKE, {"dead-man.feeds"}),
+    (any_frame_feeds, COIL, {"dead-man.feeds"}),
+    (any_length_feeds, BRAKE, {"dead-man.feeds"}),
     (comes_back_by_itself, COIL, {"dead-man.armed", "fault.once"}),
     (arms_for_anyone, COIL, {"arm.boot-id"}),
     (arms_over_a_fault, BRAKE, {"fault.arm"}),

@@ -10,13 +10,17 @@ from pathlib import Path
 
 import pytest
 from broken_boards import BREAKAGES
+from tcp_board import TcpBoard
 
 from firmware_models.toolchain import lockstep_library
 from haptics.errors import InputError, LinkError
 from haptics.link.framing import encode_frame
 from haptics.link.messages import BY_NAME, Board
+from haptics.link.runner import connect
 from haptics.link.trial import raw_frames
 from haptics.link.trial.conformance import FAILED, NOT_APPLICABLE, OK, RULES, try_board, try_rule
+from haptics.link.trial.monitor import Monitor, close, open_link
+from haptics.link.trial.raw_host import RawHost
 from haptics.link.trial.rule import Rule
 from haptics.link.trial.rules_session import GOLDEN
 
@@ -97,6 +101,33 @@ def test_a_report_counts_what_came_of_the_rules_and_says_what_is_not_for_a_board
 def test_a_url_that_names_its_clock_keeps_it_and_shows_no_outputs() -> None:
     report = try_board("sim://tactiles?clock=real", [named("pulse.edges", Board.TACTILES)])
     assert report.rules[0].result == NOT_APPLICABLE
+
+
+def state_of(url: str) -> str:
+    runner, link = open_link(url)
+    try:
+        connect(runner)
+        return Monitor(runner, link).watch(0.3).state
+    finally:
+        close(runner, link)
+
+
+def test_a_real_board_is_disarmed_when_the_last_rule_is_done_and_when_the_user_breaks_off() -> None:
+    def armed_and_left(host: RawHost) -> str:
+        host.arm()
+        return "armed"
+
+    def broken_off(host: RawHost) -> str:
+        host.arm()
+        raise KeyboardInterrupt
+
+    left, broken = (Rule("x", "x", check, arms=True) for check in (armed_and_left, broken_off))
+    with TcpBoard() as board:
+        assert try_board(board.url, [left], arms=True).count(OK) == 1
+        assert state_of(board.url) == "disarmed"
+        with pytest.raises(KeyboardInterrupt):
+            try_board(board.url, [broken], arms=True)
+        assert state_of(board.url) == "disarmed"
 
 
 def test_without_a_board_there_is_nothing_to_hold_to_rules() -> None:

@@ -13,7 +13,9 @@ from firmware_models.protocol_sim import Serial
 from firmware_models.tactiles_board import Pulse, TactilesBoard
 from haptics.cli.main import app
 from haptics.errors import InputError
+from haptics.link.connection import Link
 from haptics.link.messages import State
+from haptics.link.trial import stress as stress_module
 from haptics.link.trial.effects import Effects
 from haptics.link.trial.report import StressReport, quantiles_us
 from haptics.link.trial.stress import stress
@@ -172,6 +174,26 @@ def test_a_board_that_is_never_on_in_silence_is_not_taken_for_a_safe_one(monkeyp
     report = stress("sim://tactiles", 5)
     assert report.max_energised_after_silence_ms is None
     assert any("could not be judged" in violation for violation in report.violations)
+
+
+def test_a_run_that_is_broken_off_leaves_no_board_to_its_dead_man(monkeypatch):
+    """The board is off when its port is closed, in the middle of commands that would go on."""
+    send, close, left = stress_module._Trial._send, Link.close, []
+
+    def broken_off(self, command):
+        send(self, command)
+        if self._observed.energised():
+            raise KeyboardInterrupt
+
+    def closed(self):
+        left.append((self.port.energised(), self.port._cable.board.armed))
+        close(self)
+
+    monkeypatch.setattr(stress_module._Trial, "_send", broken_off)
+    monkeypatch.setattr(Link, "close", closed)
+    with pytest.raises(KeyboardInterrupt):
+        stress("sim://tactiles", 400)
+    assert left == [([], False)]
 
 
 def pulse(start_ns: int, channel: int = 3, on_ns: int = 5 * MS) -> Command:

@@ -53,13 +53,11 @@ CHAPTERS = {
     "6": "ch6_active_garments.txt",
     "7": "ch7_appendix.txt",
 }
-BOUNDS = {"THERMAL_WORST"}
-"""Made of stated values and their tolerances, to lie beyond every device; `tests/scheduling/test_coil_heat.py` holds that."""
 STATED = [
     (f"{module.__name__}:{name}.{row.name}", row.value)
     for module in (importlib.import_module(f"haptics.physics.{found.name}") for found in pkgutil.iter_modules(physics.__path__))
     for name, held in vars(module).items()
-    if isinstance(held, Parameters) and type(held).__module__ == module.__name__ and name not in BOUNDS
+    if isinstance(held, Parameters) and type(held).__module__ == module.__name__
     for row in provenance(held)
     if row.provenance == "stated"
 ]

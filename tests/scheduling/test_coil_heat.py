@@ -11,12 +11,15 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from haptics.errors import InputError
-from haptics.physics.thermal import THERMAL_WORST, WORST_PULSE_POWER_W, ThermalParameters, bounding
-from haptics.scheduling import WORST_COIL, CoilHeat, ThermalBudget
+from haptics.physics.thermal import WORST_PULSE_POWER_W, ThermalParameters, bounding
+from haptics.scheduling import CoilHeat, ThermalBudget
 from haptics.scheduling.coil_heat import BOARD_TAU_S, BUILT_ON_TIME_S, MARGIN
+from haptics.session.configuration import ActuatorCalibration
 
 S = 1_000_000_000
 BOARD_S = 102.0
+WORST = ActuatorCalibration().coil_heat()
+"""What is assumed of a coil that nobody measured."""
 Spans = list[tuple[int, int]]
 
 spans = st.lists(st.tuples(st.integers(0, 300 * S), st.integers(50_000, 50_000_000)), min_size=1, max_size=60)
@@ -44,7 +47,7 @@ def body(played: Spans, at_ns: int, tau_s: float, final: float) -> float:
 
 @given(spans, st.floats(97, 107), st.floats(59, 79), st.floats(1.28, 1.48))
 def test_the_worst_account_is_never_below_any_actuator_within_tolerance(steps, tau_s, c_k_per_w, ohm):
-    account = ThermalBudget(THERMAL_WORST, 25.0)
+    account = ThermalBudget(WORST.parameters, 25.0)
     played = on_spans(steps)
     for start_ns, end_ns in played:
         account.spend(WORST_PULSE_POWER_W * (end_ns - start_ns) / S, end_ns)
@@ -57,7 +60,7 @@ def test_the_worst_account_is_never_below_any_actuator_within_tolerance(steps, t
 @pytest.mark.parametrize("corner", [(tau, c, ohm) for tau in (97, 107) for c in (59, 79) for ohm in (1.28, 1.48)])
 def test_at_the_corners_of_the_tolerance_too_and_not_by_much_at_the_warmest(corner):
     tau_s, c_k_per_w, ohm = corner
-    account = ThermalBudget(THERMAL_WORST, 25.0)
+    account = ThermalBudget(WORST.parameters, 25.0)
     played: Spans = []
     now_ns, margin_k = 0, math.inf
     for _ in range(600):
@@ -135,5 +138,5 @@ def test_a_slow_body_behind_a_small_account_was_at_the_limit_for_ever_and_then_l
 def test_the_constants_are_those_of_the_protocol_and_of_the_stated_tolerance():
     assert (BOARD_TAU_S, BUILT_ON_TIME_S) == (102.0, 2.5)
     assert MARGIN == 0.01
-    assert WORST_COIL.jump_k_per_s == pytest.approx(79 / 97 * 25 / 1.28)
+    assert WORST.jump_k_per_s == pytest.approx(79 / 97 * 25 / 1.28)
     assert CoilHeat().jump_k_per_s * BUILT_ON_TIME_S == pytest.approx(30.4, abs=0.05)  # a nominal tactor at the board's limit

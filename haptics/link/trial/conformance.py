@@ -7,9 +7,11 @@ are tried on hardware only if a person asked for that.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
 
+from haptics.errors import LinkError
 from haptics.link.messages import DEFAULT_BAUD, Board
 from haptics.link.ports import open_port
 from haptics.link.trial import (
@@ -94,8 +96,16 @@ def try_board(
                 host.rest()
                 report.rules.append(_try(rule, host))
     finally:
+        if arms and not simulated:
+            _leave(host)
         host.port.close()
     return report
+
+
+def _leave(host: RawHost) -> None:
+    """However it ended, a real board is not left to its dead-man."""
+    with suppress(LinkError, Broken):
+        host.rest()
 
 
 def _in_words(identity: Any) -> dict[str, Any]:

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from haptics.link.clock import signed_ticks
-from haptics.link.messages import COIL_CHANNELS, Fault, State, Status
+from haptics.link.messages import BY_NAME, COIL_CHANNELS, Fault, State, Status
 from haptics.link.trial.outputs import energise, need_off, need_state, refused, stays_off
+from haptics.link.trial.raw_frames import frame
 from haptics.link.trial.raw_host import TICKS_PER_MS, RawHost, need
 from haptics.link.trial.rule import COILS, Rules
 
@@ -15,6 +16,8 @@ RULES = Rules()
 _DEAD_MAN_TICKS = 100 * TICKS_PER_MS
 _TOLERANCE_TICKS = TICKS_PER_MS
 _DEAD_MAN = 1 << Fault.DEAD_MAN
+_TOO_LONG = frame(BY_NAME["keepalive"].type, 0, b"\x01")
+_UNKNOWN = frame(0x7E, 0)
 
 
 def _trip(host: RawHost, begin: Callable[[], None]) -> int:
@@ -83,7 +86,7 @@ def _dead_man_feeds(host: RawHost) -> str:
     mark = len(host.heard)
     for _ in range(8):
         host.run(20)
-        host.write(b"\x05\x01\x02\x03\x04\0" + bytes.fromhex("0233 00"))
+        host.write(b"\x05\x01\x02\x03\x04\0" + bytes.fromhex("0233 00") + _TOO_LONG + _UNKNOWN)
     faults = [one.message for one in host.all("fault", mark) if one.message.code == Fault.DEAD_MAN]
     need(bool(faults), "garbage fed it")
     return f"fed by keepalives; garbage did not keep it from {signed_ticks(faults[0].time, fed) / TICKS_PER_MS:.2f} ms"

@@ -6,6 +6,7 @@ On a simulated board every edge of its outputs is held against the commands; on 
 from __future__ import annotations
 
 from collections import deque
+from contextlib import suppress
 from dataclasses import dataclass
 from math import inf
 from random import Random
@@ -78,9 +79,16 @@ def stress(port: str, frames: int, faults: str = "", seed: int = 1, baud: int = 
     try:
         return _Trial(runner, link, observed, parsed, faults, seed).run(frames)
     finally:
+        _leave(runner, link)
         if isinstance(runner, RealtimeRunner):
             runner.close()
         link.close()
+
+
+def _leave(runner: VirtualRunner | RealtimeRunner, link: Link) -> None:
+    """However it ended, the board is not left to its dead-man."""
+    with suppress(LinkError):
+        finish(runner, link.stop(runner.now_ns()), port=link.name)
 
 
 def _open(port: str, parsed: LineFaults, faults: str, seed: int, baud: int) -> tuple[BytePort, str]:
