@@ -8,9 +8,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
-from urllib.parse import parse_qsl, urlsplit
+from urllib.parse import urlsplit
 
 from haptics.errors import InputError
+from haptics.link.port_url import query_of
 from haptics.units import in_range, one_of
 
 
@@ -55,12 +56,7 @@ def split_url(url: str) -> tuple[str, dict[str, str]]:
     parts = urlsplit(url)
     if parts.scheme != "sim" or parts.path not in ("", "/") or parts.fragment:
         raise InputError(f"port = {url!r} is not a simulated board; allowed: sim://BOARD?key=value&key=value")
-    query: dict[str, str] = {}
-    for key, value in parse_qsl(parts.query, keep_blank_values=True):
-        if key in query:
-            raise InputError(f"{key} is given twice in {url!r}; allowed: once")
-        query[key] = value
-    return parts.netloc, query
+    return parts.netloc, query_of(url)
 
 
 def parse_options(query: Mapping[str, str], allowed: Mapping[str, Option]) -> dict[str, Any]:

@@ -16,16 +16,16 @@ from typing import Any
 from serial import PortNotOpenError, SerialBase, SerialException, SerialTimeoutException
 
 from firmware_models import world as worlds
-from firmware_models.board import FirmwareModel
-from firmware_models.boot import BOARD_OPTIONS
-from firmware_models.cable import Cable, make_line
-from firmware_models.instrument import INSTRUMENT_OPTIONS, Instrument
+from firmware_models.boards.board import FirmwareModel
+from firmware_models.boards.boot import BOARD_OPTIONS
+from firmware_models.boards.ticks import signed_difference
+from firmware_models.instruments.instrument import INSTRUMENT_OPTIONS, Instrument
+from firmware_models.line.cable import Cable, make_line
+from firmware_models.line.uart import NEVER_NS, Line
 from firmware_models.options import Option, parse_options, split_url
-from firmware_models.ticks import signed_difference
-from firmware_models.uart import NEVER_NS, Line
 from haptics.errors import InputError
+from haptics.link.line_faults import parse_faults
 from haptics.link.messages import Board
-from haptics.link.trial.faults import parse_faults
 from haptics.time import seconds_to_ns
 from haptics.units import one_of
 
@@ -66,10 +66,10 @@ def instrument_options(instrument: str) -> dict[str, Option]:
 def _model(board: str) -> type[FirmwareModel]:
     one_of("board", board, BOARDS)
     if board == "tactiles":  # imported late: the plants are not needed to list or to refuse
-        from firmware_models.tactiles_board import TactilesBoard
+        from firmware_models.boards.tactiles_board import TactilesBoard
 
         return TactilesBoard
-    from firmware_models.brake_board import BrakeBoard
+    from firmware_models.boards.brake_board import BrakeBoard
 
     return BrakeBoard
 
@@ -77,7 +77,7 @@ def _model(board: str) -> type[FirmwareModel]:
 def _instrument(name: str) -> type[Instrument]:
     one_of("instrument", name, INSTRUMENTS)
     module, kind = _INSTRUMENT_CLASSES[name]
-    return getattr(importlib.import_module(f"firmware_models.{module}"), kind)
+    return getattr(importlib.import_module(f"firmware_models.instruments.{module}"), kind)
 
 
 def make_cable(board: str, options: dict[str, Any], now_ns: int) -> Cable:
@@ -92,11 +92,11 @@ def make_cable(board: str, options: dict[str, Any], now_ns: int) -> Cable:
 def _make_board(board: str, options: dict[str, Any], to_host: Line, now_ns: int) -> Any:
     core, kind = options["core"], Board[one_of("board", board, BOARDS).upper()]
     if core == "c":
-        from firmware_models.compiled_board import CompiledBoard
+        from firmware_models.cores.compiled_board import CompiledBoard
 
         return CompiledBoard(kind, options, to_host, now_ns)
     if core == "avr":
-        from firmware_models.avr_board import AvrBoard
+        from firmware_models.cores.avr_board import AvrBoard
 
         return AvrBoard(kind, options, to_host, now_ns)
     return _model(board)(options, to_host, now_ns)

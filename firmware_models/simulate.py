@@ -17,7 +17,7 @@ from typing import Annotated, Any, TextIO
 
 import typer
 
-from firmware_models.cable import Cable
+from firmware_models.line.cable import Cable
 from firmware_models.options import parse_options, split_url
 from firmware_models.protocol_sim import board_options, make_cable
 from haptics.errors import InputError

@@ -11,7 +11,7 @@ import threading
 import time
 from typing import Protocol
 
-from firmware_models.uart import NEVER_NS
+from firmware_models.line.uart import NEVER_NS
 from haptics.errors import InputError
 
 CLOCKS = ("real", "virtual")

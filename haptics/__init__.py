@@ -17,8 +17,8 @@ _FACE = {
     "load_configuration": "haptics.session.configuration",
     "load_scene": "haptics.scene",
     "shipped_scenes": "haptics.scene",
-    "load_hand": "haptics.scene.recordings",
-    "HandFrame": "haptics.scene.hand",
+    "load_hand": "haptics.scene.hand_files.load",
+    "HandFrame": "haptics.scene.hands.frame",
     "HapticsError": "haptics.errors",
     "InputError": "haptics.errors",
     "LimitError": "haptics.errors",
@@ -35,8 +35,8 @@ if TYPE_CHECKING:
         LinkError as LinkError,
     )
     from haptics.scene import load_scene as load_scene, shipped_scenes as shipped_scenes
-    from haptics.scene.hand import HandFrame as HandFrame
-    from haptics.scene.recordings import load_hand as load_hand
+    from haptics.scene.hand_files.load import load_hand as load_hand
+    from haptics.scene.hands.frame import HandFrame as HandFrame
     from haptics.session.configuration import load_configuration as load_configuration
     from haptics.session.glove import Glove as Glove
     from haptics.session.open_glove import open as open

@@ -25,13 +25,14 @@ from haptics.errors import HapticsError, InputError
 from haptics.link.commands import NEVER_NS, Pending
 from haptics.link.events import Event, Telemetry
 from haptics.link.messages import COIL_CHANNELS, DURATION_UNIT_US, Status
+from haptics.link.port_url import is_simulated, query_of, with_defaults
 from haptics.link.ports import check_port
 from haptics.recording import StreamSpec
 from haptics.recording.ending import finish, keep
 from haptics.recording.leftovers import journal_of, refuse_leftover
 from haptics.recording.output import check_outputs
 from haptics.session.configuration import Configuration
-from haptics.session.glove import Glove, with_defaults
+from haptics.session.glove import Glove
 from haptics.session.recorder import LinkRecorder, provenance
 from haptics.time import NS_PER_MS, NS_PER_S, seconds_to_ns
 from haptics.units import in_range
@@ -129,7 +130,7 @@ class Bench:
         self._back_ns: dict[int, int] = {}
         """Channels whose pin was sent out, and when it will be back, as far as that was commanded."""
         url = options.board_url(board)
-        self.simulated = url.startswith("sim://")
+        self.simulated = is_simulated(url)
         self._check_instruments(instruments, url)
         check_record(options)
         self._early: list[tuple[int, str, bool, bytes]] = []
@@ -153,7 +154,7 @@ class Bench:
             self._exits.push(self._close)
             self.glove.on_event(self._take)
             self.link = self.glove.links[board]
-            shared = {**_query(url), "channel": options.channel}
+            shared = {**query_of(url), "channel": options.channel}
             for kind in instruments:
                 self._open(kind, {key: shared[key] for key in ("world", "channel") if key in shared})
             self._start_recording(rig, instruments, plot)
@@ -322,9 +323,9 @@ class Bench:
 
     def _open(self, kind: type[SampleStream] | type[Stage], shared: Mapping[str, str]) -> None:
         url = self.options.instruments.get(kind.kind, f"sim://{kind.kind}")
-        if url.startswith("sim://") and not self.simulated:
+        if is_simulated(url) and not self.simulated:
             raise InputError(f"{kind.kind} = {url!r} is simulated and the board is not; allowed: a port of its own")
-        if not url.startswith("sim://") and self.simulated:
+        if not is_simulated(url) and self.simulated:
             raise InputError(f"{kind.kind} = {url!r} is hardware and the board is simulated; allowed: sim:// URLs")
         url = with_defaults(url, clock="virtual", seed=self.options.seed, **shared)
         one = kind(url)
@@ -493,12 +494,6 @@ class Bench:
             self._early.append((time_ns, name, to_board, data))
         else:
             self.recorder.wire(time_ns, name, to_board, data)
-
-
-def _query(url: str) -> dict[str, str]:
-    from urllib.parse import parse_qsl, urlsplit
-
-    return dict(parse_qsl(urlsplit(url).query, keep_blank_values=True)) if url.startswith("sim://") else {}
 
 
 def _stream_spec(kind: type[SampleStream]) -> StreamSpec:

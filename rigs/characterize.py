@@ -15,6 +15,7 @@ import numpy as np
 from haptics.cli.show import plain
 from haptics.ends import end_workers, shield_tracker
 from haptics.errors import InputError
+from haptics.link.port_url import is_simulated
 from haptics.recording.output import check_outputs, make_folder, refuse_existing, replacing
 from haptics.session.recorder import provenance
 from haptics.units import in_range
@@ -108,7 +109,7 @@ def characterize(
     """
     chosen = rig(name)
     devices = int(in_range("devices", devices, 1, MOST_DEVICES))
-    if devices > 1 and not options.board_url(chosen.BOARD).startswith("sim://"):
+    if devices > 1 and not is_simulated(options.board_url(chosen.BOARD)):
         raise InputError(
             f"devices = {devices} is not allowed on hardware: the instruments sit on one; allowed: 1, then another --channel"
         )

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from haptics.errors import InputError
+from haptics.link.port_url import is_simulated
 from haptics.time import seconds_to_ns
 from rigs.bench import Bench, BenchOptions
 from rigs.fitting import Vector, least_squares_fit
@@ -134,4 +135,4 @@ def currents(bench: Bench) -> list[tuple[int, float, float]]:
 def tells_motion(options: BenchOptions) -> bool:
     """Whether the coil's current shows that a pin moves: not on a board simulated at level event, where it is constant."""
     url = options.board_url("tactiles")
-    return not (url.startswith("sim://") and ("level=event" in url or options.level == "event"))
+    return not (is_simulated(url) and ("level=event" in url or options.level == "event"))

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from haptics.physics.recoil import SAMPLE_RATE_HZ
+from haptics.physics.latch.recoil import SAMPLE_RATE_HZ
 from rigs.coil_current import LEAST_DIP, MOST_DIP, PulseRecord
 from rigs.fitting import Vector
 from rigs.instruments import Accelerometer, Samples

@@ -14,7 +14,7 @@ _TELEMETRY_S = 0.1
 _FLAT_SAMPLES = 100
 """A converter of 24 bits does not repeat itself that often."""
 FRAME = {"load_stiffness_n_m": 1e5, "load_damping_n_s_m": 50.0, "damping_n_s_m": 0.0}
-"""What pulls a simulated brake: the stiff frame of ``haptics.physics.brake_pull.TESTER``, in place of a finger."""
+"""What pulls a simulated brake: the stiff frame of ``haptics.physics.brake.pull.TESTER``, in place of a finger."""
 
 
 def arm(bench: Bench, channel: int) -> tuple[Fault, ...]:

@@ -18,6 +18,7 @@ import tomlkit
 
 from haptics.cli.program import run_program
 from haptics.errors import HapticsError, InputError
+from haptics.link.port_url import is_simulated
 from haptics.recording.output import replacing
 from haptics.session.configuration import Configuration, check_configuration, load_configuration
 from rigs.bench import BenchOptions
@@ -32,7 +33,7 @@ def measure(rig: str, places: dict[str, int], options: BenchOptions, ask: Callab
     """
     jobs = [replace(options, channel=channel) for channel in places.values()]
     board = "tactiles" if rig == "thermal" else "brake"
-    if options.board_url(board).startswith("sim://"):
+    if is_simulated(options.board_url(board)):
         return dict(zip(places, run_jobs([(rig, job) for job in jobs], None, lambda _: None), strict=True))
     results = {}
     for place, job in zip(places, jobs, strict=True):

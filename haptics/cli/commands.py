@@ -14,7 +14,8 @@ from typing import Any
 import typer
 from typer.core import TyperGroup
 
-from haptics.cli import configuration, fidelity, garment, link, predict, recording, run
+from haptics.cli import configuration, fidelity, garment, predict, recording, run
+from haptics.cli.link import app as link
 from haptics.cli.program import ENDINGS, ended_by
 
 

@@ -106,7 +106,7 @@ def prove(
 ) -> None:
     """Play a hand through the planned run and through an all-reference run, and hold every difference against its tolerance."""
     from haptics.session.configuration import Configuration
-    from haptics.session.proof import prove_plan
+    from haptics.session.prove import prove_plan
     from haptics.session.run import RunOptions
 
     options = RunOptions(side=side, seed=seed, tolerance_jnd=tolerance_jnd, levels=chosen_levels(level))
@@ -135,7 +135,7 @@ def stress(
     json: Json = False,
 ) -> None:
     """Try every level at its extremes: what was tried, the worst that came of it, and where it stops being valid."""
-    from haptics.fidelity.stress import stress as run
+    from haptics.fidelity.stress.stress import stress as run
 
     rows = run(quick, seed, progress_unless(json), model or None)
     if json:
@@ -161,7 +161,7 @@ def onset(
     json: Json = False,
 ) -> None:
     """Onset error of predicted touch over objects at random places, beside holding the last pose."""
-    from haptics.session.onset_study import onset_study
+    from haptics.judging.onset_study import onset_study
 
     rows = onset_study(hand or [], folder, objects, [ms / 1e3 for ms in latency_ms or [0.0, 10.0, 20.0]], seed, side)
     if json:

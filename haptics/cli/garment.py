@@ -59,8 +59,8 @@ def design(
 ) -> None:
     """Find the reinforcement that resists a motion best for its area, and rate it beside a hand-drawn line and X."""
     from haptics.errors import InputError
-    from haptics.garments.design.design_job import DesignJob
-    from haptics.garments.design.design_run import run_design
+    from haptics.garments.design.job import DesignJob
+    from haptics.garments.design_run import run_design
 
     if resume and (out is None or force):
         raise InputError(
@@ -103,7 +103,7 @@ def evaluate(
 ) -> None:
     """Energy and joint torque of a design at every angle of a motion, and its energy density beside another design's."""
     from haptics.errors import InputError
-    from haptics.garments.design.design_job import DesignJob
+    from haptics.garments.design.job import DesignJob
     from haptics.garments.design.masks import MASKS
     from haptics.garments.evaluation import evaluate_design
     from haptics.garments.garment import refuse_frame
@@ -155,7 +155,7 @@ def export(
     json: Json = False,
 ) -> None:
     """Write a design for the cutter (SVG and DXF, millimetres, full size) and for everything else (OBJ, PLY)."""
-    from haptics.garments.design.design_job import open_designs
+    from haptics.garments.design.job import open_designs
     from haptics.garments.export import export_design
     from haptics.garments.pattern import PatternOptions
 

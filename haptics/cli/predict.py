@@ -13,7 +13,7 @@ import typer
 from haptics.cli.show import plain, print_json, print_pairs, print_table
 
 if TYPE_CHECKING:
-    from haptics.physics.brake_law_choice import LawEvidence
+    from haptics.physics.brake.law_choice import LawEvidence
 
 app = typer.Typer(help="Calculators for heat, latch, recoil and brake.", no_args_is_help=True)
 Json = Annotated[bool, typer.Option("--json", help="print one JSON object")]
@@ -34,7 +34,7 @@ def thermal(
 
     A glove books one that nobody calibrated as the warmest within tolerance, and so denies sooner (docs/explanation/heat.md).
     """
-    from haptics.physics.thermal_trains import predict_thermal
+    from haptics.physics.thermal.trains import predict_thermal
 
     prediction = predict_thermal(
         rate_per_min,
@@ -58,7 +58,7 @@ def latch(
     json: Json = False,
 ) -> None:
     """What one pulse does to an actuator: does it switch, when does the pin arrive, what does it cost (thesis 3.4.3, 3.4.5)."""
-    from haptics.physics.latch import switch
+    from haptics.physics.latch.pulse import switch
 
     outcome = plain(switch(pulse_ms / 1e3, volts, direction, rise_k, level))
     arrival_s = outcome.pop("arrival_s")
@@ -89,8 +89,8 @@ def brake(
 ) -> None:
     """Force, charge, power and response of an electrostatic brake (thesis 4.4, 4.7)."""
     from haptics.errors import InputError
-    from haptics.physics.brake_predict import predict_brake, predict_volts
-    from haptics.physics.brake_pull import predicted_pull
+    from haptics.physics.brake.predict import predict_brake, predict_volts
+    from haptics.physics.brake.pull import predicted_pull
 
     if (volts is None) == (force_n is None):
         raise InputError(f"volts = {volts}, force_n = {force_n}; allowed: exactly one of --volts and --force-n")
@@ -115,7 +115,7 @@ def recoil(
     json: Json = False,
 ) -> None:
     """Envelope of the vibration when a pin latches off (thesis 3.5.1)."""
-    from haptics.physics.recoil import predict_recoil
+    from haptics.physics.latch.recoil import predict_recoil
 
     _answer("recoil", plain(predict_recoil(surface, relative_speed, length_ms / 1e3, sample_hz)), json)
 
@@ -123,7 +123,7 @@ def recoil(
 @app.command("laws")
 def laws(finger: Annotated[str, typer.Option(help="whose points: index or thumb")] = "index", json: Json = False) -> None:
     """Fits of the brake's force laws to the published points, what each is worth, and which is the default (thesis 4.7, 4.8)."""
-    from haptics.physics.brake_law_choice import SIMPLEST_FIRST, compare_laws, law_evidence
+    from haptics.physics.brake.law_choice import SIMPLEST_FIRST, compare_laws, law_evidence
 
     evidence, comparison = [law_evidence(law, finger) for law in SIMPLEST_FIRST], compare_laws()
     if json:

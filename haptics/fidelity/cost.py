@@ -7,13 +7,13 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from haptics.physics.brake import brake_plant
-from haptics.physics.brake_bank import BrakeBank
-from haptics.physics.latch import latch_plant
-from haptics.physics.latch_bank import LatchBank
-from haptics.physics.latch_parameters import NOMINAL_VOLTS
-from haptics.physics.thermal import PULSE_POWER_W, PULSE_S
-from haptics.physics.thermal_plant import thermal_plant
+from haptics.physics.brake.bank import BrakeBank
+from haptics.physics.brake.levels import brake_plant
+from haptics.physics.latch.bank import LatchBank
+from haptics.physics.latch.parameters import NOMINAL_VOLTS
+from haptics.physics.latch.pulse import latch_plant
+from haptics.physics.thermal.one_node import PULSE_POWER_W, PULSE_S
+from haptics.physics.thermal.plant import thermal_plant
 
 DEVICES = (1, 15, 64, 1000)
 SWITCHES_HZ = 2.0

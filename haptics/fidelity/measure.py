@@ -15,11 +15,12 @@ from typing import Any
 import numpy as np
 
 from haptics.errors import InputError
-from haptics.fidelity import brake_cases, latch_cases, thermal_cases
+from haptics.fidelity.cases import brake as brake_cases, latch as latch_cases, thermal as thermal_cases
 from haptics.fidelity.cost import Cost, brake_cost, latch_cost, thermal_cost
 from haptics.fidelity.measured import Measured, MeasuredRow
-from haptics.physics import brake, latch
-from haptics.physics.thermal_plant import LEVELS as THERMAL_LEVELS
+from haptics.physics.brake import levels as brake
+from haptics.physics.latch import pulse as latch
+from haptics.physics.thermal.plant import LEVELS as THERMAL_LEVELS
 from haptics.version import __version__
 
 KINDS = ("typical", "edge")

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from haptics.physics.brake_force import default_law
+from haptics.physics.brake.force_laws import default_law
 from haptics.physics.parameters import Provenance
 from haptics.units import in_range, one_of
 

@@ -14,7 +14,8 @@ from dataclasses import dataclass, replace
 from haptics.errors import InputError
 from haptics.fidelity.measured import Measured, MeasuredRow, shipped
 from haptics.fidelity.notice import DEFAULT_TOLERANCE_JND, NOTICES, Notice, force_notice, rate_notice
-from haptics.physics import brake, latch
+from haptics.physics.brake import levels as brake
+from haptics.physics.latch import pulse as latch
 from haptics.scene.scene import Scene
 from haptics.scene.sites import SITES
 from haptics.units import in_range, one_of

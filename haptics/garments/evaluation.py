@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from haptics.errors import InputError, LimitError
-from haptics.garments.design.design_job import DesignJob, open_designs, put_on, slow_notice
 from haptics.garments.design.drawn import SHAPES, best_drawn
+from haptics.garments.design.job import DesignJob, open_designs, put_on, slow_notice
 from haptics.garments.design.masks import MASKS, read_mask, with_coverage
 from haptics.garments.design.rating import Densities, Unconverged, coverage_of, solved
 from haptics.garments.equilibrium.wearing import MotionEvaluation, WornMotion, evaluate_motion

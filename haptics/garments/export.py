@@ -8,7 +8,7 @@ from typing import Any
 
 from haptics.errors import InputError
 from haptics.garments.bodies import MOTIONS, STRAIGHT, Body
-from haptics.garments.design.design_job import KeptDesigns
+from haptics.garments.design.job import KeptDesigns
 from haptics.garments.design.rating import solved
 from haptics.garments.mesh import SurfaceMesh
 from haptics.garments.mesh_files import write_obj, write_ply, write_surface

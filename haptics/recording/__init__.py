@@ -7,10 +7,10 @@ stream; ``docs/reference/recording.md`` lists the streams that the views look fo
 from haptics.recording.hdf5 import Finalised, finalise, recover
 from haptics.recording.journal import Journal, Stream
 from haptics.recording.journal_reader import JournalContents, read_journal
-from haptics.recording.picture import write_picture
 from haptics.recording.recording import Recording, load
-from haptics.recording.rrd import write_rrd
 from haptics.recording.streams import StreamSpec
+from haptics.recording.views.picture import write_picture
+from haptics.recording.views.rrd import write_rrd
 
 __all__ = [
     "Finalised",

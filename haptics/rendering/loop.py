@@ -16,12 +16,13 @@ from haptics.rendering.touch_ahead import TouchAhead
 from haptics.scene.clutch_rules import BodyState
 from haptics.scene.contact import PinChange, Touch
 from haptics.scene.effects import GraspEffect
+from haptics.scene.geometry.shapes import Placed
 from haptics.scene.grasp import GraspEvent
-from haptics.scene.hand import SIDES, HandFrame
-from haptics.scene.handedness import apparent_side, contradiction
-from haptics.scene.pose_gate import PoseGate
+from haptics.scene.hands.frame import HandFrame
+from haptics.scene.hands.handedness import apparent_side, contradiction
+from haptics.scene.hands.joints import SIDES
+from haptics.scene.hands.pose_gate import PoseGate
 from haptics.scene.scene import Scene
-from haptics.scene.shapes import Placed
 from haptics.scene.sites import SITE, SITES, SiteMap
 from haptics.time import NS_PER_MS, NS_PER_S
 

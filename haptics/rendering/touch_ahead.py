@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from haptics.rendering.decision import Decided, TouchDecider
-from haptics.scene.shapes import Placed
+from haptics.scene.geometry.shapes import Placed
 
 Bodies = Callable[[str], Placed]
 POSES_KEPT = 6

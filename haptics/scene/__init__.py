@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from haptics.scene.hand import JOINTS, HandFrame, HandRecording, HandTrack
+from haptics.scene.hand_files.load import load_hand, shipped_hands
+from haptics.scene.hands.frame import HandFrame
+from haptics.scene.hands.joints import JOINTS
+from haptics.scene.hands.recording import HandRecording, HandTrack
 from haptics.scene.library import load_scene, shipped_scenes
 from haptics.scene.objects import SceneObject
-from haptics.scene.recordings import load_hand, shipped_hands
 from haptics.scene.scene import Scene, SceneNeeds
 from haptics.scene.sites import SITES, SiteMap, nominal_sites
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from haptics.errors import InputError
 from haptics.scene.effects import ContactEffect, Effect, FixedSetEffect
-from haptics.scene.pose import Array
+from haptics.scene.geometry.pose import Array
 from haptics.scene.sites import SITE, SITES
 from haptics.units import in_range
 

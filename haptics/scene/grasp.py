@@ -21,8 +21,8 @@ from typing import Literal
 import numpy as np
 
 from haptics.errors import InputError
-from haptics.scene.pose import Array, Pose, shortest_turn_xyzw
-from haptics.scene.shapes import Placed, segment_meets
+from haptics.scene.geometry.pose import Array, Pose, shortest_turn_xyzw
+from haptics.scene.geometry.shapes import Placed, segment_meets
 from haptics.scene.sites import TIP_RADIUS_M
 from haptics.time import seconds_to_ns
 from haptics.units import in_range, one_of

@@ -17,11 +17,11 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from haptics.errors import InputError
 from haptics.scene.clutch_rules import ByGrasp, HeldPosture, OnContact, SelectiveResistance
 from haptics.scene.effects import ContactEffect, FixedSetEffect, GraspEffect, PatternEffect, ProximityEffect
-from haptics.scene.mesh import load_mesh
+from haptics.scene.geometry.mesh import load_mesh
+from haptics.scene.geometry.pose import IDENTITY_XYZW, Pose
+from haptics.scene.geometry.shapes import Box, Capsule, Cylinder, Placed, Plane, Shape, Sphere
 from haptics.scene.objects import Motion, SceneObject
-from haptics.scene.pose import IDENTITY_XYZW, Pose
 from haptics.scene.scene import Clutch, Scene
-from haptics.scene.shapes import Box, Capsule, Cylinder, Placed, Plane, Shape, Sphere
 from haptics.scene.signals import Signal
 
 AnyEffect = Annotated[ContactEffect | FixedSetEffect | PatternEffect | ProximityEffect | GraspEffect, Field(discriminator="kind")]

@@ -9,9 +9,9 @@ import numpy as np
 
 from haptics.errors import InputError
 from haptics.scene.effects import Effect, GraspEffect
+from haptics.scene.geometry.pose import Array, Pose, shortest_turn_xyzw
+from haptics.scene.geometry.shapes import Box, Cylinder, Placed, Sphere
 from haptics.scene.placement import InHand
-from haptics.scene.pose import Array, Pose, shortest_turn_xyzw
-from haptics.scene.shapes import Box, Cylinder, Placed, Sphere
 from haptics.scene.signals import check_times, locate
 from haptics.units import one_of
 

@@ -15,7 +15,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from haptics.errors import InputError
-from haptics.scene.hand import JOINT, SIDES, Floats, HandRecording, HandTrack
+from haptics.scene.hands.frame import Floats
+from haptics.scene.hands.joints import JOINT, SIDES
+from haptics.scene.hands.recording import HandRecording, HandTrack
 from haptics.scene.sites import TIP_RADIUS_M
 from haptics.time import NS_PER_S
 from haptics.units import one_of

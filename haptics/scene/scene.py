@@ -24,13 +24,13 @@ from haptics.scene.effects import (
     PatternEffect,
     ProximityEffect,
 )
+from haptics.scene.geometry.mesh import TriangleMesh, slow_notice
+from haptics.scene.geometry.pose import Array, Pose
 from haptics.scene.grasp import RULES, GraspTracker, grasp_rule
-from haptics.scene.hand import HandRecording
-from haptics.scene.mesh import TriangleMesh, slow_notice
+from haptics.scene.hands.recording import HandRecording
 from haptics.scene.objects import SceneObject, check_object, place_by_palm, size_in_hand
 from haptics.scene.patterns import REFRESH_HZ
 from haptics.scene.placement import InHand, place_at_palm, place_in_hand
-from haptics.scene.pose import Array, Pose
 from haptics.scene.signals import BodySignals, Signal
 from haptics.scene.sites import SITES
 from haptics.units import in_range, one_of

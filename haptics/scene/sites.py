@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from haptics.errors import InputError
-from haptics.scene.hand import JOINT, Floats
+from haptics.scene.hands.frame import Floats
+from haptics.scene.hands.joints import JOINT
 from haptics.units import in_range
 
 TIP_RADIUS_M = 0.007

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from haptics.physics.thermal import PULSE_POWER_W, PULSE_S, THERMAL, ThermalParameters
+from haptics.physics.thermal.one_node import PULSE_POWER_W, PULSE_S, THERMAL, ThermalParameters
 from haptics.units import in_range
 
 BOARD_TAU_S = 102.0

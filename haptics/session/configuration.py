@@ -18,10 +18,10 @@ from haptics.errors import InputError
 from haptics.link.limits import Wanted
 from haptics.link.messages import BRAKE_CHANNELS, COIL_CHANNELS, DEFAULT_BAUD, DURATION_UNIT_US
 from haptics.link.ports import check_port
-from haptics.physics.brake_force import ForceLaw, ThresholdLaw, default_law
-from haptics.physics.brake_parameters import BRAKE, GREATEST_VOLTS
-from haptics.physics.latch import PULSE_BACK_S, PULSE_TOWARD_S, TRAIN_BACK_S, TRAIN_TOWARD_S
-from haptics.physics.thermal import THERMAL, WORST_PULSE_POWER_W, bounding
+from haptics.physics.brake.force_laws import ForceLaw, ThresholdLaw, default_law
+from haptics.physics.brake.parameters import BRAKE, GREATEST_VOLTS
+from haptics.physics.latch.pulse import PULSE_BACK_S, PULSE_TOWARD_S, TRAIN_BACK_S, TRAIN_TOWARD_S
+from haptics.physics.thermal.one_node import THERMAL, WORST_PULSE_POWER_W, bounding
 from haptics.scene.sites import SITES
 from haptics.scheduling.coil_heat import BUILT_ON_TIME_S, CoilHeat
 from haptics.units import brief, file_path

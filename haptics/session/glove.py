@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from typing import Any
-from urllib.parse import parse_qsl, urlencode, urlsplit, urlunsplit
 
 from haptics.devices import BrakeDriver, TactilesDriver
 from haptics.devices.tactiles import TELLING_NS
@@ -19,6 +18,7 @@ from haptics.link.events import NO_CHANNEL, Disarmed, Event, FaultReported, Lost
 from haptics.link.limits import Wanted, kept_stricter, stricter
 from haptics.link.messages import DURATION_UNIT_US, Board, Fault, State, Status
 from haptics.link.polling import PollingRunner
+from haptics.link.port_url import is_simulated, query_of, with_defaults
 from haptics.link.ports import check_port, open_port
 from haptics.link.runner import VirtualRunner, connect, finish
 from haptics.link.session import LinkSession
@@ -39,17 +39,6 @@ _ARMED = (State.ARMED, State.DRIVING)
 HANDOVER_S = 100e-6
 """Pause between two pulses that share a coil or its share of the current: more than a clock estimate moves between them."""
 WireTap = Callable[[str, int, bool, bytes], None]
-
-
-def with_defaults(url: str, **defaults: object) -> str:
-    """A ``sim://`` URL with query keys it does not name filled in; any other URL unchanged."""
-    if not url.startswith("sim://"):
-        return url
-    parts = urlsplit(url)
-    query = parse_qsl(parts.query, keep_blank_values=True)
-    named = {key for key, _ in query}
-    query += [(key, str(value)) for key, value in defaults.items() if key not in named]
-    return urlunsplit(parts._replace(query=urlencode(query)))  # what else it has stays, for whoever opens it to refuse
 
 
 def _checked_keys(simulate: object) -> Mapping[str, Mapping[str, object]]:
@@ -163,10 +152,10 @@ class Glove:
         if part.port.startswith(f"sim://{name}"):
             defaults |= simulate
         url = with_defaults(part.port, **defaults)
-        if not self.realtime and not url.startswith("sim://"):
+        if not self.realtime and not is_simulated(url):
             raise InputError(f"port = {part.port!r} lives in real time; allowed without --realtime: sim://… ports")
         port = open_port(url, part.baud)
-        if not self.realtime and dict(parse_qsl(urlsplit(url).query)).get("clock") != "virtual":
+        if not self.realtime and query_of(url).get("clock") != "virtual":
             port.close()
             raise InputError(f"port = {part.port!r} asks for the real clock; allowed without --realtime: clock=virtual")
 

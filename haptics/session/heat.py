@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from haptics.link.messages import HEAT_UNIT_MS
-from haptics.physics.thermal import PULSE_S
+from haptics.physics.thermal.one_node import PULSE_S
 from haptics.scheduling import CoilHeat, ThermalBudget
 
 WORTH_A_WORD = 0.1

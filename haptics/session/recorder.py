@@ -18,7 +18,7 @@ from haptics.link.clock import ClockFit
 from haptics.link.events import Disarmed, Event, FaultReported, Identified, Lost, Rebooted, Telemetry
 from haptics.link.messages import BRAKE_CHANNELS, COIL_CHANNELS
 from haptics.recording import Journal, StreamSpec
-from haptics.scene.hand import HandFrame
+from haptics.scene.hands.frame import HandFrame
 from haptics.time import NS_PER_MS, NS_PER_S
 from haptics.version import __version__
 

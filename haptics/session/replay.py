@@ -11,9 +11,9 @@ import numpy as np
 
 from haptics.errors import InputError
 from haptics.recording import load
-from haptics.scene.motion import refusals
-from haptics.scene.recordings import load_hand
-from haptics.scene.shown import shown
+from haptics.scene.hand_files.load import load_hand
+from haptics.scene.hands.motion import refusals
+from haptics.scene.hands.shown import shown
 from haptics.session.configuration import check_configuration
 from haptics.session.recorder import LINK_STREAMS
 from haptics.session.run import RunOptions, run_scene

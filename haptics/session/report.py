@@ -12,11 +12,12 @@ import numpy as np
 
 from haptics.devices.tactiles import COMMAND_LEAD_NS
 from haptics.fidelity import Plan
-from haptics.rendering.felt import track_truths
-from haptics.rendering.onset import AFTER_START_NS, BEFORE_END_NS, Onsets, Touched, held_acts, onset_statistics, touches_on
+from haptics.judging.felt import track_truths
+from haptics.judging.onset import AFTER_START_NS, BEFORE_END_NS, Onsets, Touched, held_acts, onset_statistics, touches_on
 from haptics.scene.effects import ContactEffect
-from haptics.scene.hand import HandFrame, HandRecording
-from haptics.scene.motion import Motion
+from haptics.scene.hands.frame import HandFrame
+from haptics.scene.hands.motion import Motion
+from haptics.scene.hands.recording import HandRecording
 from haptics.scene.placement import closing_strokes
 from haptics.scene.scene import Scene
 from haptics.scene.sites import SITE, SITES, nominal_sites

@@ -19,9 +19,10 @@ from haptics.recording.ending import finish, keep
 from haptics.recording.leftovers import journal_of, refuse_leftover
 from haptics.recording.output import check_outputs
 from haptics.scene import load_scene
-from haptics.scene.hand import HandFrame, HandRecording
-from haptics.scene.motion import judge_motion
-from haptics.scene.recordings import load_hand
+from haptics.scene.hand_files.load import load_hand
+from haptics.scene.hands.frame import HandFrame
+from haptics.scene.hands.motion import judge_motion
+from haptics.scene.hands.recording import HandRecording
 from haptics.scene.scene import Scene
 from haptics.scene.sites import SITES, nominal_sites
 from haptics.session.configuration import BrakeConfiguration, Configuration, TactilesConfiguration

@@ -6,23 +6,22 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
 from haptics.devices.tactiles import COMMAND_LEAD_NS, Result
+from haptics.judging.truth import Truth
 from haptics.link.events import Event
 from haptics.link.messages import BRAKE_CHANNELS, COIL_CHANNELS
-from haptics.physics.brake_contact import CONTACT
-from haptics.physics.brake_drive import rise_time_s
-from haptics.physics.brake_parameters import BRAKE, capacitance_f
-from haptics.physics.latch import travel_s
+from haptics.physics.brake.charging import rise_time_s
+from haptics.physics.brake.contact import CONTACT
+from haptics.physics.brake.parameters import BRAKE, capacitance_f
+from haptics.physics.latch.pulse import travel_s
 from haptics.rendering.loop import Leads, LoopEvent, RenderLoop
-from haptics.scene.hand import HandFrame
+from haptics.scene.hands.check import ill_formed
+from haptics.scene.hands.frame import HandFrame
 from haptics.scene.scene import Scene
 from haptics.scene.sites import SITES, nominal_sites
-from haptics.scene.well_formed import ill_formed
 from haptics.session.configuration import Configuration
 from haptics.session.glove import Glove
 from haptics.session.recorder import Recorder
@@ -49,26 +48,6 @@ def device_leads(configuration: Configuration, scene: Scene) -> Leads:
         pin_back_s=command_s + travel_s("on-off"),
         brake_s=command_s + charge_s + CONTACT.tau_on_s * math.log(2.0),
     )
-
-
-@dataclass
-class Truth:
-    """What the simulated plants did, gathered while the session runs.
-
-    ``pins`` and ``brakes``: (time_ns, channel, kind) of what happened, such as ``reached_skin`` or ``half_capacity``;
-    ``pin_speeds_m_s`` goes with ``pins``. ``forces_n``: (time_ns, capacity of each output), as sampled. Peaks are of the samples.
-    """
-
-    pins: list[tuple[int, int, str]] = field(default_factory=list)
-    pin_speeds_m_s: list[float] = field(default_factory=list)
-    brakes: list[tuple[int, int, str]] = field(default_factory=list)
-    forces_n: list[tuple[int, tuple[float, ...]]] = field(default_factory=list)
-    latched: list[str] = field(default_factory=list)
-    peak_rise_k: Any = field(default_factory=lambda: np.zeros(COIL_CHANNELS))
-    peak_volts: Any = field(default_factory=lambda: np.zeros(BRAKE_CHANNELS))
-    peak_force_n: Any = field(default_factory=lambda: np.zeros(BRAKE_CHANNELS))
-    energy_j: Any = field(default_factory=lambda: np.zeros(BRAKE_CHANNELS))
-    switches: Any = field(default_factory=lambda: np.zeros(COIL_CHANNELS, dtype=int))
 
 
 class Session:

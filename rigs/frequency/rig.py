@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from haptics.physics.latch import PULSE_BACK_S, PULSE_TOWARD_S, TRAIN_BACK_S, TRAIN_TOWARD_S
+from haptics.physics.latch.pulse import PULSE_BACK_S, PULSE_TOWARD_S, TRAIN_BACK_S, TRAIN_TOWARD_S
 from haptics.time import seconds_to_ns
 from rigs.bench import Bench, BenchOptions
 from rigs.coil_current import PulseRecord, currents, tells_motion

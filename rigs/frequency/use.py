@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from haptics.physics.thermal import DEFAULT_LIMIT_K, THERMAL
-from haptics.physics.thermal_trains import least_spacing_s
+from haptics.physics.thermal.one_node import DEFAULT_LIMIT_K, THERMAL
+from haptics.physics.thermal.trains import least_spacing_s
 from haptics.time import seconds_to_ns
 from rigs.bench import Bench
 from rigs.coil_current import POWER_SD

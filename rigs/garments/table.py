@@ -10,10 +10,10 @@ from typing import Any
 
 from haptics.errors import InputError, LimitError
 from haptics.garments.bodies import MOTIONS
-from haptics.garments.design.design_job import DesignJob
-from haptics.garments.design.design_run import FILES, run_design
 from haptics.garments.design.drawn import SHAPES
+from haptics.garments.design.job import DesignJob
 from haptics.garments.design.topology import SMALLEST_COVERAGE, Progress
+from haptics.garments.design_run import FILES, run_design
 from haptics.units import in_range
 
 

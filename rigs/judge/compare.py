@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from rigs.judge.brake_cases import BrakeCase, brake_cases
-from rigs.judge.coil_cases import CoilCase, coil_cases
-from rigs.judge.heat_cases import HeatCase, heat_cases
+from rigs.judge.cases.brake import BrakeCase, brake_cases
+from rigs.judge.cases.coil import CoilCase, coil_cases
+from rigs.judge.cases.heat import HeatCase, heat_cases
 from rigs.judge.judgement import Judgement
 
 __all__ = ["Judgement", "all_cases", "judge"]

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from haptics.physics.recoil import RECOIL
+from haptics.physics.latch.recoil import RECOIL
 from rigs.pendulum.fit import SurfaceFit
 from rigs.result import Plot, Series, series
 

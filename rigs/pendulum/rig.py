@@ -16,12 +16,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from urllib.parse import parse_qs, urlsplit
 
 import numpy as np
 
 from haptics.errors import InputError
-from haptics.physics.recoil import SURFACES
+from haptics.link.port_url import is_simulated, query_of
+from haptics.physics.latch.recoil import SURFACES
 from haptics.time import seconds_to_ns
 from haptics.units import one_of
 from rigs.bench import Bench, BenchOptions
@@ -91,8 +91,8 @@ def surfaces(options: BenchOptions) -> tuple[str, ...]:
     url, wanted = options.board_url(BOARD), options.surface
     if wanted is not None:
         one_of("surface", wanted, SURFACES)
-    named = parse_qs(urlsplit(url).query).get("surface", [None])[0] if url.startswith("sim://") else wanted
-    if not url.startswith("sim://") and wanted is None:
+    named = query_of(url).get("surface") if is_simulated(url) else wanted
+    if not is_simulated(url) and wanted is None:
         raise InputError(f"surface = None: what lies under the pin of {url!r} has to be said; allowed: {', '.join(SURFACES)}")
     if None not in (named, wanted) and named != wanted:
         raise InputError(f"surface = {wanted!r}, and port = {url!r} names another; allowed: the same, or one of the two")

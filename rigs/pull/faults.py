@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from haptics.physics.brake_parameters import BRAKE
+from haptics.physics.brake.parameters import BRAKE
 from rigs.fitting import Vector
 from rigs.pull.parts import fit_rise, sliding_parts
 from rigs.pull.record import OnePull, PullRecord

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from haptics.physics.brake_fit import PUBLISHED_POINTS, point_sd_n
+from haptics.physics.brake.fit import PUBLISHED_POINTS, point_sd_n
 from rigs.pull.fit import TOP_V, PullFit
 from rigs.pull.record import PullRecord
 from rigs.result import Plot, series

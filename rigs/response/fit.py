@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from haptics.errors import InputError
-from haptics.physics.brake_drive import DRIVE
+from haptics.physics.brake.charging import DRIVE
 from rigs.fitting import Vector, quadrature
 from rigs.instruments import Samples
 from rigs.instruments.loadcell import GAIN_SD, LATENCY_S, LATENCY_SD_S

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from haptics.physics.brake_drive import DRIVE, Charging, DriveParameters, eq44_power_w, rise_time_s
-from haptics.physics.brake_parameters import BRAKE, capacitance_f, overlap_sensitivity_f_per_m
+from haptics.physics.brake.charging import DRIVE, Charging, DriveParameters, eq44_power_w, rise_time_s
+from haptics.physics.brake.parameters import BRAKE, capacitance_f, overlap_sensitivity_f_per_m
 from rigs.fitting import Vector
 from rigs.result import Plot, Series, series
 from rigs.supply.curves import crossing_s

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from haptics.physics.brake_drive import eq44_power_w
+from haptics.physics.brake.charging import eq44_power_w
 from rigs.fitting import quadrature
 from rigs.instruments.probe import CLOCK_SD, DIVIDER_SD, LOAD_SD, SHUNT_SD
 from rigs.instruments.stage import POSITION_GAIN_SD

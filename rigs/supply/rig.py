@@ -22,7 +22,8 @@ from __future__ import annotations
 from typing import Any
 
 from haptics.errors import CommandRefused, LimitError
-from haptics.physics.brake_drive import clamp_time_s
+from haptics.link.port_url import is_simulated
+from haptics.physics.brake.charging import clamp_time_s
 from haptics.time import seconds_to_ns
 from rigs.bench import Bench, BenchOptions
 from rigs.instruments import Probe, Stage
@@ -81,7 +82,7 @@ def run(options: BenchOptions) -> RigResult:
 
     :raises HapticsError: board or probe cannot be used; the board is off then.
     """
-    simulated = options.board_url(BOARD).startswith("sim://")
+    simulated = is_simulated(options.board_url(BOARD))
     instruments = INSTRUMENTS if simulated or "stage" in options.instruments else (Probe,)
     with Bench(BOARD, instruments, options, rig=NAME, plot=("probe", "volts_v")) as bench:
         rest_ns = bench.now_ns

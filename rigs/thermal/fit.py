@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from haptics.physics.thermal import PULSE_ENERGY_J
+from haptics.physics.thermal.one_node import PULSE_ENERGY_J
 from rigs.coil_current import POWER_SD, PulseRecord
 from rigs.fitting import Fit, Vector, least_squares_fit, quadrature
 from rigs.instruments.thermocouple import DRIFT_SD_K_S, GAIN_SD, LAG_S, LAG_SD_S

@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from haptics.physics.thermal import THERMAL
+from haptics.physics.thermal.one_node import THERMAL
 from rigs.fitting import Vector
 from rigs.result import Plot, series
 from rigs.thermal.fit import NOMINAL_W, HeatFit
 
 if TYPE_CHECKING:
-    from rigs.thermal.rig import ThermalRun
+    from rigs.thermal.record import ThermalRun
 
 _DRAWN = 400
 

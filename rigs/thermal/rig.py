@@ -13,7 +13,6 @@ Safe-off: the board is disarmed, and pins withdrawn, on every exit; a rise above
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -23,10 +22,11 @@ from haptics.time import NS_PER_S, seconds_to_ns
 from rigs.bench import Bench, BenchOptions
 from rigs.coil_current import LEAST_DIP, MOST_DIP, PulseRecord, currents, meeting_telemetry, tells_motion
 from rigs.fitting import Vector, noise_sd
-from rigs.instruments import Samples, Thermocouple
+from rigs.instruments import Thermocouple
 from rigs.result import Answer, Fault, Measured, Measurement, RigResult
 from rigs.thermal.fit import HeatFit, fit_heat
 from rigs.thermal.plots import heat_plots
+from rigs.thermal.record import ThermalRun
 
 NAME = "thermal"
 BOARD = "tactiles"
@@ -54,17 +54,6 @@ MEASUREMENTS = {
         "landing_dip", "1", LEAST_DIP, MOST_DIP, "share of the current that motion takes before the pin lands"
     ),
 }
-
-
-@dataclass(frozen=True)
-class ThermalRun:
-    """What was recorded: ``start_ns`` of the rest, pulses as they were played, and temperatures."""
-
-    start_ns: int
-    heat_ns: tuple[int, int]
-    pulses: PulseRecord
-    temperatures: Samples
-    thermocouple_faults: tuple[str, ...]
 
 
 def run(options: BenchOptions) -> RigResult:

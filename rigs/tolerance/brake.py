@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
-from haptics.physics.brake import brake_plant
-from haptics.physics.brake_lagged import STEP_S
-from haptics.physics.brake_system import BrakeSystem
+from haptics.physics.brake.lagged import STEP_S
+from haptics.physics.brake.levels import brake_plant
+from haptics.physics.brake.system import BrakeSystem
 
 FREQUENCY_HZ = 20.0
 """Square wave of the glove (thesis 4.5.2)."""

@@ -16,12 +16,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 
-from haptics.physics.brake_force import INDEX_THRESHOLD, ThresholdLaw
-from haptics.physics.brake_parameters import BRAKE, capacitance_f
-from haptics.physics.brake_system import BrakeSystem
-from haptics.physics.latch import travel_s
+from haptics.physics.brake.force_laws import INDEX_THRESHOLD, ThresholdLaw
+from haptics.physics.brake.parameters import BRAKE, capacitance_f
+from haptics.physics.brake.system import BrakeSystem
+from haptics.physics.latch.pulse import travel_s
 from haptics.physics.parameters import Parameters, parameter
-from haptics.physics.thermal import PULSE_POWER_W, THERMAL, ThermalParameters
+from haptics.physics.thermal.one_node import PULSE_POWER_W, THERMAL, ThermalParameters
 from rigs.tolerance.draws import Device
 from rigs.tolerance.heat import Body
 from rigs.tolerance.pin import bare, pin

@@ -11,15 +11,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from haptics.physics.brake_contact import CONTACT
-from haptics.physics.brake_drive import DRIVE
-from haptics.physics.brake_finger import FINGER
-from haptics.physics.brake_force import INDEX_THRESHOLD, ThresholdLaw
-from haptics.physics.brake_parameters import BRAKE
-from haptics.physics.brake_system import BrakeSystem
-from haptics.physics.latch_parameters import LATCH, NOMINAL_VOLTS, LatchParameters
+from haptics.physics.brake.charging import DRIVE
+from haptics.physics.brake.contact import CONTACT
+from haptics.physics.brake.finger import FINGER
+from haptics.physics.brake.force_laws import INDEX_THRESHOLD, ThresholdLaw
+from haptics.physics.brake.parameters import BRAKE
+from haptics.physics.brake.system import BrakeSystem
+from haptics.physics.latch.parameters import LATCH, NOMINAL_VOLTS, LatchParameters
 from haptics.physics.parameters import Provenance
-from haptics.physics.thermal import THERMAL, ThermalParameters
+from haptics.physics.thermal.one_node import THERMAL, ThermalParameters
 from haptics.units import one_of
 
 GREATEST_SPREAD = 2.0

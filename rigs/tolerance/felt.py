@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from functools import cache
 
 from haptics.fidelity.notice import NOTICES, force_notice
-from haptics.physics.recoil import RECOIL, recoil_m_s2
-from haptics.physics.thermal import DEFAULT_LIMIT_K
+from haptics.physics.latch.recoil import RECOIL, recoil_m_s2
+from haptics.physics.thermal.one_node import DEFAULT_LIMIT_K
 from haptics.units import STANDARD_GRAVITY_M_S2
 from rigs.tolerance import brake
 from rigs.tolerance.calibration import Host, published_host

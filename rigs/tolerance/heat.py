@@ -9,8 +9,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from haptics.physics.thermal import DEFAULT_LIMIT_K, PULSE_S, ThermalParameters, pulse_rise_k
-from haptics.physics.thermal_trains import GUARD, train_rise_k
+from haptics.physics.thermal.one_node import DEFAULT_LIMIT_K, PULSE_S, ThermalParameters, pulse_rise_k
+from haptics.physics.thermal.trains import GUARD, train_rise_k
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-from haptics.physics.latch import DIRECTIONS, latch_plant
-from haptics.physics.latch_parameters import LatchParameters
-from haptics.physics.thermal import PULSE_S
+from haptics.physics.latch.parameters import LatchParameters
+from haptics.physics.latch.pulse import DIRECTIONS, latch_plant
+from haptics.physics.thermal.one_node import PULSE_S
 
 _REST_S = 0.3
 """As long as the fidelity cases are followed after their last stroke."""

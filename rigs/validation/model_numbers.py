@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from haptics.physics.brake_drive import DRIVE, eq44_power_w, greatest_frequency_hz
-from haptics.physics.brake_force import default_law
-from haptics.physics.brake_parameters import BRAKE, GREATEST_VOLTS, capacitance_f, compression_n
-from haptics.physics.latch import switch
-from haptics.physics.latch_parameters import LATCH, NOMINAL_VOLTS
-from haptics.physics.thermal import PULSE_ENERGY_J, THERMAL
+from haptics.physics.brake.charging import DRIVE, eq44_power_w, greatest_frequency_hz
+from haptics.physics.brake.force_laws import default_law
+from haptics.physics.brake.parameters import BRAKE, GREATEST_VOLTS, capacitance_f, compression_n
+from haptics.physics.latch.parameters import LATCH, NOMINAL_VOLTS
+from haptics.physics.latch.pulse import switch
+from haptics.physics.thermal.one_node import PULSE_ENERGY_J, THERMAL
 from rigs.result import Quantity
 
 _PER_MINUTE = 1.0 / 60.0

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from haptics.scene.hand import HandFrame
+from haptics.scene.hands.frame import HandFrame
 from haptics.session.configuration import Configuration
 from haptics.session.run import RunOptions, run_scene
 from haptics.session.session import Session

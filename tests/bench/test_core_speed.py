@@ -10,9 +10,9 @@ from typing import Any
 
 import pytest
 
-from firmware_models import compiled_board
-from firmware_models.compiled_board import CompiledBoard
-from firmware_models.toolchain import image, lockstep_library
+from firmware_models.cores import compiled_board
+from firmware_models.cores.compiled_board import CompiledBoard
+from firmware_models.cores.toolchain import image, lockstep_library
 from haptics.session.configuration import Configuration
 from haptics.session.run import RunOptions, run_scene
 from haptics.time import NS_PER_S
@@ -73,9 +73,10 @@ class Recorded:
             compiled_board._CONVERT(lambda _user, sense: next(answers)),
             compiled_board._ASK(lambda _user: next(answers)),
         )
-        (new, *settings, _, user), *others = self.calls
+        (new, *settings, _memory, _, user), *others = self.calls
+        memory = compiled_board._Memory()  # a new board, as that one was
         begun = time.process_time()
-        host = new(*settings, ctypes.byref(calls), user)
+        host = new(*settings, memory, ctypes.byref(calls), user)
         for function, *arguments in others:
             function(host, *arguments)
         took_s = time.process_time() - begun

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import serial
 
-from firmware_models.toolchain import image, lockstep_library
+from firmware_models.cores.toolchain import image, lockstep_library
 from haptics.link.framing import Deframer, encode_frame
 from haptics.link.messages import BY_NAME, BY_TYPE, COIL_CHANNELS, decode, encode
 

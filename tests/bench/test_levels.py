@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 from haptics.fidelity import plan_scene
-from haptics.physics.brake_bank import BrakeBank
-from haptics.physics.latch import latch_plant, switch
-from haptics.physics.latch_bank import LatchBank
-from haptics.physics.latch_parameters import LATCH as P, NOMINAL_VOLTS
-from haptics.physics.latch_reference import ReferenceLatch
+from haptics.physics.brake.bank import BrakeBank
+from haptics.physics.latch.bank import LatchBank
+from haptics.physics.latch.parameters import LATCH as P, NOMINAL_VOLTS
+from haptics.physics.latch.pulse import latch_plant, switch
+from haptics.physics.latch.reference import ReferenceLatch
 from haptics.scene import load_scene
 
 pytestmark = pytest.mark.bench

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from haptics.garments.bodies import open_body
-from haptics.garments.design import design_job
+from haptics.garments.design import job
 from haptics.garments.garment import cut_garment, open_garment
 from haptics.garments.mesh import SurfaceMesh
 
@@ -172,7 +172,7 @@ def test_a_sleeve_drawn_around_the_exported_body_is_designed_and_its_notes_kept(
     (x, y, z), faces = (lambda v, f: (v.T, f))(*drawn_around(tmp_path / "body.obj"))
     path = write(tmp_path / "mine.obj", 1000 * np.stack([x, z, -y], axis=1), faces[:, ::-1])
     out = ("--out", tmp_path / "d")
-    monkeypatch.setattr(design_job, "FAST_VERTICES", 100)
+    monkeypatch.setattr(job, "FAST_VERTICES", 100)
     code, text, error = command(*words(path, "--units", "mm", "--up", "y", *out, "--json"))
     made = json.loads(text)
     slow = f"mine has {made['vertices']} vertices: about 0.0"

@@ -14,8 +14,8 @@ pytest.importorskip("matplotlib", reason="extra `report`")
 
 from haptics.garments import catalogue
 from haptics.garments.bodies import open_body
-from haptics.garments.design.design_job import open_designs
 from haptics.garments.design.designs import read_designs
+from haptics.garments.design.job import open_designs
 from haptics.garments.design.rating import Densities, solved
 from haptics.garments.equilibrium import simulation
 from haptics.garments.equilibrium.cholesky import installed_solvers

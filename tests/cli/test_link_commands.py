@@ -8,8 +8,8 @@ import pytest
 import serial
 
 import haptics.link.ports  # noqa: F401  # lets pyserial find the simulated boards
-from firmware_models import board as board_module
-from firmware_models.board import FirmwareModel
+from firmware_models.boards import board as board_module
+from firmware_models.boards.board import FirmwareModel
 
 VIRTUAL = "sim://tactiles?clock=virtual"
 

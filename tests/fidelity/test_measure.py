@@ -9,12 +9,14 @@ from itertools import pairwise
 import pytest
 
 from haptics.errors import InputError
-from haptics.fidelity import brake_cases, latch_cases, shipped, thermal_cases
+from haptics.fidelity import shipped
+from haptics.fidelity.cases import brake as brake_cases, latch as latch_cases, thermal as thermal_cases
 from haptics.fidelity.measure import UNITS, measure
 from haptics.fidelity.measured import from_json, to_json
 from haptics.fidelity.picture import draw
-from haptics.physics import brake, latch
-from haptics.physics.latch import UNCERTAIN_WITHIN
+from haptics.physics.brake import levels as brake
+from haptics.physics.latch import pulse as latch
+from haptics.physics.latch.pulse import UNCERTAIN_WITHIN
 from haptics.version import __version__
 
 LADDERS = {"latch": latch.LEVELS, "brake": brake.LEVELS}

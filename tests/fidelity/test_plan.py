@@ -7,7 +7,8 @@ import pytest
 from haptics.errors import InputError
 from haptics.fidelity import plan_scene, shipped
 from haptics.fidelity.notice import NOTICES, force_notice, rate_notice
-from haptics.physics import brake, latch
+from haptics.physics.brake import levels as brake
+from haptics.physics.latch import pulse as latch
 from haptics.scene import load_scene, shipped_scenes
 from haptics.session.configuration import Configuration
 from haptics.session.run import RunOptions, open_glove, run_scene

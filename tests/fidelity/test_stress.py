@@ -7,7 +7,8 @@ import math
 import pytest
 
 from haptics.errors import InputError
-from haptics.fidelity.stress import Tally, stress
+from haptics.fidelity.stress.stress import stress
+from haptics.fidelity.stress.tally import Tally
 
 MODELS = {
     "latch": {"event", "table", "dynamic", "reference"},

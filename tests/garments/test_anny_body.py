@@ -28,7 +28,7 @@ PEOPLE = [
 @pytest.fixture(scope="module", autouse=True)
 def own_cache(tmp_path_factory):
     """Bodies are made here; the 0.8 GB that anny prepares stay where they are, for making them takes minutes."""
-    from haptics.garments.bodies.cache import cache_folder
+    from haptics.cache import cache_folder
 
     with pytest.MonkeyPatch.context() as patch:
         import os

@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from haptics.garments.bodies.cache import cache_folder, kept
+from haptics.cache import cache_folder
+from haptics.garments.bodies.cache import kept
 
 
 @pytest.fixture(autouse=True)

@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 
 from haptics.errors import InputError
-from haptics.garments.bodies.fairing import spanned, spread
 from haptics.garments.cut.coarsening import anchored, coarsened
 from haptics.garments.cut.cutting import cut_out, openings, trimmed
+from haptics.garments.cut.fairing import spanned, spread
 from haptics.garments.mesh import SurfaceMesh, checked_mesh
 
 

@@ -12,7 +12,7 @@ import pytest
 pytest.importorskip("rerun", reason="extra `view`")
 
 from haptics.errors import InputError
-from haptics.garments.design.design_job import DesignJob, put_on
+from haptics.garments.design.job import DesignJob, put_on
 from haptics.garments.equilibrium.wearing import evaluate_motion
 from haptics.garments.views.rrd import HIGHEST_COLOUR, LOWEST_COLOUR, write_motion_rrd
 

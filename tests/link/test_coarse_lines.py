@@ -7,7 +7,7 @@ import pytest
 from haptics.link.commands import CommandWindow, Pending
 from haptics.link.messages import Status
 from haptics.link.runner import connect, finish
-from haptics.link.trial.monitor import identify, open_link
+from haptics.link_trial.monitor import identify, open_link
 
 MS = 1_000_000
 

@@ -15,10 +15,10 @@ from cores import on_every_core
 from haptics.errors import ClockUncertain, LinkError, LinkLost, NotABoard, PortBusy, WrongFirmware
 from haptics.link import Board, Link, LinkSession, VirtualRunner, connect, open_port
 from haptics.link.events import Rebooted
+from haptics.link.line_faults import FrameFaults, LineFaults
 from haptics.link.messages import Fault, State, Status
 from haptics.link.runner import finish
-from haptics.link.trial.faults import FrameFaults, LineFaults
-from haptics.link.trial.stress import stress
+from haptics.link_trial.stress import stress
 
 MS = 1_000_000
 DEAD_MAN_MS = 101  # 100 ms, and one to notice

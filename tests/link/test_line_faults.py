@@ -10,8 +10,8 @@ from serial import SerialException, SerialTimeoutException
 from haptics.errors import InputError
 from haptics.link import open_port
 from haptics.link.framing import Deframer, encode_frame
-from haptics.link.trial.faults import FrameCutter, FrameFaults, LineFaults, parse_faults
-from haptics.link.trial.faulty_port import FaultyPort
+from haptics.link.line_faults import FrameCutter, FrameFaults, LineFaults, parse_faults
+from haptics.link_trial.faulty_port import FaultyPort
 
 MS = 1_000_000
 FRAME = encode_frame(0x10, 5, bytes(range(23)))

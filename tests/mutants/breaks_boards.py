@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from mutant import in_file
 
-_BRAKE = "tests/firmware_models/test_sim_brake.py -k 'not level'"
-_COILS = "tests/firmware_models/test_sim_tactiles.py -k 'not level'"
-_BOTH = "tests/firmware_models/test_sim_protocol.py tests/firmware_models/test_sim_tactiles.py " + _BRAKE
-_RULES = "tests/link/test_conformance.py -k 'backend and -py-'"
-_FAULTS = "tests/firmware_models/test_plant_faults.py -k 'not -c- and not avr and not c- and not -c]'"
+_BRAKE = "tests/firmware_models/boards/test_sim_brake.py -k 'not level'"
+_COILS = "tests/firmware_models/boards/test_sim_tactiles.py -k 'not level'"
+_BOTH = "tests/firmware_models/test_sim_protocol.py tests/firmware_models/boards/test_sim_tactiles.py " + _BRAKE
+_RULES = "tests/link_trial/test_conformance.py -k 'backend and -py-'"
+_FAULTS = "tests/firmware_models/plants/test_plant_faults.py -k 'not -c- and not avr and not c- and not -c]'"
 
-_ACCOUNT = "tests/firmware_models/test_on_time_account.py -k 'py]'"
+_ACCOUNT = "tests/firmware_models/boards/test_on_time_account.py -k 'py]'"
 
 BOARDS = [
     *in_file(
-        "firmware_models/board.py",
+        "firmware_models/boards/board.py",
         _BOTH,
         (
             "stop leaves the outputs as they are",
@@ -125,7 +125,7 @@ BOARDS = [
         ),
     ),
     *in_file(
-        "firmware_models/tactiles_board.py",
+        "firmware_models/boards/tactiles_board.py",
         _COILS,
         (
             "takes pulses of any length",
@@ -179,7 +179,7 @@ BOARDS = [
         ),
     ),
     *in_file(
-        "firmware_models/tactiles_board.py",
+        "firmware_models/boards/tactiles_board.py",
         _ACCOUNT,
         (
             "takes pulses of a coil that was on for too long",
@@ -225,7 +225,7 @@ BOARDS = [
         ),
     ),
     *in_file(
-        "firmware_models/coil_heat.py",
+        "firmware_models/boards/coil_heat.py",
         _ACCOUNT,
         (
             "accounts cool twice as fast as coils",
@@ -241,7 +241,7 @@ BOARDS = [
         ),
     ),
     *in_file(
-        "firmware_models/coil_guards.py",
+        "firmware_models/boards/coil_guards.py",
         _FAULTS,
         (
             "does not watch the coils' supply",
@@ -263,7 +263,7 @@ BOARDS = [
         ),
     ),
     *in_file(
-        "firmware_models/brake_board.py",
+        "firmware_models/boards/brake_board.py",
         _BRAKE,
         (
             "has no limit of its charge",
@@ -374,8 +374,8 @@ BOARDS = [
         ),
     ),
     *in_file(
-        "firmware_models/brake_guards.py",
-        "tests/firmware_models/test_sim_brake.py -k 'trips or found or latches or stuck or leak'",
+        "firmware_models/boards/brake_guards.py",
+        "tests/firmware_models/boards/test_sim_brake.py -k 'trips or found or latches or stuck or leak'",
         ("does not watch for too many volts", "the dielectric breaks", "OVER_VOLTAGE = 1.05", "OVER_VOLTAGE = 105.0"),
         ("does not watch the supply's current", "a short is fed on", "OVER_CURRENT_A = 550e-6", "OVER_CURRENT_A = 550.0"),
         (
@@ -405,8 +405,8 @@ BOARDS = [
         ),
     ),
     *in_file(
-        "firmware_models/brake_self_test.py",
-        "tests/firmware_models/test_sim_brake.py -k 'self_test or brake_at_all or arming or without_a_brake'",
+        "firmware_models/boards/brake_power_on.py",
+        "tests/firmware_models/boards/test_sim_brake.py -k 'self_test or brake_at_all or arming or without_a_brake'",
         (
             "tests with volts that make a force",
             "arming jerks a finger",

@@ -5,13 +5,15 @@ from __future__ import annotations
 from mutant import in_file
 
 _CORE = "firmware_models/firmware/core"
-_C_CORE = "tests/firmware_models/test_c_core.py -k 'not minutes_or_hours'"
-_C_COILS = "tests/firmware_models/test_c_tactiles.py -k 'not counters_wrap'"
-_C_BRAKE = "tests/firmware_models/test_c_brake_commands.py tests/firmware_models/test_c_brake.py -k 'not exact_for_ever'"
-_C_GUARDS = "tests/firmware_models/test_c_brake_guards.py -k 'not trip_nothing and not trips_nothing and not slow'"
-_C_SELF_TEST = "tests/firmware_models/test_c_brake_self_test.py"
+_C_CORE = "tests/firmware_models/cores/test_c_core.py -k 'not minutes_or_hours'"
+_C_COILS = "tests/firmware_models/cores/test_c_tactiles.py -k 'not counters_wrap'"
+_C_BRAKE = (
+    "tests/firmware_models/cores/test_c_brake_commands.py tests/firmware_models/cores/test_c_brake.py -k 'not exact_for_ever'"
+)
+_C_GUARDS = "tests/firmware_models/cores/test_c_brake_guards.py -k 'not trip_nothing and not trips_nothing and not slow'"
+_C_SELF_TEST = "tests/firmware_models/cores/test_c_brake_self_test.py"
 
-_ACCOUNT = "tests/firmware_models/test_on_time_account.py -k 'not py] and not avr] and not avr-'"
+_ACCOUNT = "tests/firmware_models/boards/test_on_time_account.py -k 'not py] and not avr] and not avr-'"
 
 FIRMWARE = [
     *in_file(
@@ -46,7 +48,7 @@ FIRMWARE = [
             "a host that was dead drives on as if nothing had been",
             "    check_dead_man(b, arrived);\n    if (readable)",
             "    if (readable)",
-            "tests/firmware_models/test_c_races.py -k main_loop",
+            "tests/firmware_models/cores/test_c_races.py -k main_loop",
         ),
         (
             "C: a latched fault does not make safe",

@@ -7,17 +7,17 @@ import pytest
 
 from haptics.errors import InputError
 from haptics.physics import parameters
-from haptics.physics.brake_contact import CONTACT
-from haptics.physics.brake_drive import DRIVE
-from haptics.physics.brake_finger import FINGER
-from haptics.physics.brake_parameters import BRAKE
-from haptics.physics.latch_event import TRAVEL
-from haptics.physics.latch_parameters import LATCH
+from haptics.physics.brake.charging import DRIVE
+from haptics.physics.brake.contact import CONTACT
+from haptics.physics.brake.finger import FINGER
+from haptics.physics.brake.parameters import BRAKE
+from haptics.physics.latch.parameters import LATCH
+from haptics.physics.latch.recoil import RECOIL
+from haptics.physics.latch.travel import TRAVEL
 from haptics.physics.parameters import provenance
 from haptics.physics.piezo import PIEZO
-from haptics.physics.recoil import RECOIL
-from haptics.physics.thermal import THERMAL
-from haptics.physics.thermal_two_node import TWO_NODE
+from haptics.physics.thermal.one_node import THERMAL
+from haptics.physics.thermal.two_node import TWO_NODE
 
 SETS = [BRAKE, CONTACT, DRIVE, FINGER, LATCH, PIEZO, RECOIL, THERMAL, TRAVEL, TWO_NODE]
 

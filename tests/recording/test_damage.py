@@ -13,11 +13,12 @@ import pytest
 from recorded_session import record_session
 
 from haptics.errors import InputError
-from haptics.recording import Journal, JournalContents, Recording, finalise, load, read_journal, recover, view_data
+from haptics.recording import Journal, JournalContents, Recording, finalise, load, read_journal, recover
 from haptics.recording.condition import condition_of
 from haptics.recording.leftovers import refuse_leftover
 from haptics.recording.seal import check_seal, seal
 from haptics.recording.segments import HEAD_BYTES, MAGIC, Kind, pack
+from haptics.recording.views import view_data
 
 
 def everything(recording: Recording) -> dict[str, Any]:

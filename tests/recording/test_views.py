@@ -11,7 +11,8 @@ import pytest
 from recorded_session import START_NS, STEPS, record_session
 
 from haptics.errors import InputError
-from haptics.recording import Journal, Recording, finalise, load, view_data, write_picture, write_rrd
+from haptics.recording import Journal, Recording, finalise, load, write_picture, write_rrd
+from haptics.recording.views import view_data
 
 
 def bare_recording(folder: Path, header: dict | None = None) -> Recording:
@@ -151,7 +152,7 @@ def test_nominal_sites_are_fifteen_blends_of_joints(tmp_path: Path):
 def test_the_palm_view_keeps_the_thumb_on_the_side_where_one_sees_it():
     from recorded_session import hand
 
-    from haptics.recording.picture_hand import palm_view
+    from haptics.recording.views.hand_picture import palm_view
 
     right = hand(0.0)
     left = right * np.array([-1.0, 1.0, 1.0])

@@ -12,7 +12,7 @@ from haptics.errors import InputError
 from haptics.fidelity import plan_scene
 from haptics.recording import finalise, load
 from haptics.scene import load_scene
-from haptics.scene.recordings import load_hand
+from haptics.scene.hand_files.load import load_hand
 from haptics.session.configuration import Configuration
 from haptics.session.recorder import Recorder
 from haptics.session.run import RunOptions, open_glove

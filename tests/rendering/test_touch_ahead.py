@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from haptics.rendering.touch_ahead import TouchAhead
-from haptics.scene.pose import Pose
-from haptics.scene.shapes import Placed, Sphere
+from haptics.scene.geometry.pose import Pose
+from haptics.scene.geometry.shapes import Placed, Sphere
 from haptics.time import NS_PER_MS, NS_PER_S
 
 FRAME_NS = 9 * NS_PER_MS

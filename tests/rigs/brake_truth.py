@@ -8,15 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from firmware_models.brake_board import BrakeBoard
+from firmware_models.boards.brake_board import BrakeBoard
+from firmware_models.line.uart import Line
 from firmware_models.options import parse_options
 from firmware_models.protocol_sim import board_options
-from firmware_models.uart import Line
 from haptics.link.ports import open_port
-from haptics.physics.brake import brake_plant
-from haptics.physics.brake_finger import series_stiffness_n_m
-from haptics.physics.brake_plant import BrakePlant
-from haptics.physics.brake_system import BrakeSystem
+from haptics.physics.brake.finger import series_stiffness_n_m
+from haptics.physics.brake.levels import brake_plant
+from haptics.physics.brake.plant import BrakePlant
+from haptics.physics.brake.system import BrakeSystem
 
 TOP_V = 1500.0
 _worlds = itertools.count(1)

@@ -11,7 +11,7 @@ import pytest
 
 from haptics.cli import main as cli
 from haptics.errors import InputError
-from haptics.garments.design.design_run import FILES
+from haptics.garments.design_run import FILES
 from haptics.garments.equilibrium import simulation
 from rigs.garments import table
 from rigs.garments.report import page_of, warnings_of, write_report

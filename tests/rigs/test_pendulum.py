@@ -11,7 +11,7 @@ from scipy.signal import hilbert
 from witness import Witness
 
 from haptics.errors import InputError
-from haptics.physics.recoil import RECOIL, SURFACES
+from haptics.physics.latch.recoil import RECOIL, SURFACES
 from haptics.recording import load
 from rigs.bench import Bench, BenchOptions
 from rigs.landings import Trace

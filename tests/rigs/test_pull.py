@@ -10,7 +10,7 @@ import pytest
 from brake_truth import Bystander, true_brake, url
 from scipy.integrate import solve_ivp
 
-from haptics.physics.brake_pull import TESTER, pull as reference_pull
+from haptics.physics.brake.pull import TESTER, pull as reference_pull
 from haptics.recording import load
 from haptics.session.configuration import Configuration
 from rigs import pull
@@ -68,7 +68,7 @@ def test_capacity_and_plateau_are_two_numbers_and_the_reference_model_makes_the_
     sd = {name: one.sd for name, one in result.quantities.items()}
     true = true_brake(6, {**FRAME, **keys})
     assert found["capacity_1500_n"] == pytest.approx(true.capacity_n(1500.0), abs=4 * sd["capacity_1500_n"])
-    # ``brake_pull`` averages over 1.2 to 1.5 mm of slip, where 1.4 % of the overlap is gone.
+    # ``pull.pull`` averages over 1.2 to 1.5 mm of slip, where 1.4 % of the overlap is gone.
     there = reference_pull("reference", 1500.0, tester=TESTER)
     lost = 1.0 - 1.35e-3 * true.system.brake.width_m / true.system.overlap_m2(0)
     assert found["plateau_1500_n"] * lost == pytest.approx(there.plateau_n, abs=4 * sd["plateau_1500_n"])

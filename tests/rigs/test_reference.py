@@ -21,14 +21,14 @@ from haptics.errors import InputError
 from haptics.fidelity.notice import JND_PERCENT_OF_RATE, JND_PERCENT_OF_VOLTS
 from haptics.garments.patch.clamped_patch import pull as pull_patch
 from haptics.garments.patch.patch_layouts import most_energy_j
-from haptics.physics.brake_contact import CONTACT
-from haptics.physics.brake_fit import FLOOR_SD_N, PUBLISHED_POINTS
-from haptics.physics.brake_force import FINGERS, default_law
-from haptics.physics.brake_predict import predict_brake
-from haptics.physics.brake_pull import pull
-from haptics.physics.latch_event import TRAVEL
+from haptics.physics.brake.contact import CONTACT
+from haptics.physics.brake.fit import FLOOR_SD_N, PUBLISHED_POINTS
+from haptics.physics.brake.force_laws import FINGERS, default_law
+from haptics.physics.brake.predict import predict_brake
+from haptics.physics.brake.pull import pull
+from haptics.physics.latch.travel import TRAVEL
 from haptics.physics.parameters import Parameters, provenance
-from haptics.physics.thermal_two_node import TWO_NODE
+from haptics.physics.thermal.two_node import TWO_NODE
 from haptics.scene.patterns import REFRESH_HZ
 from haptics.units import STANDARD_GRAVITY_M_S2, VACUUM_PERMITTIVITY_F_PER_M
 from rigs.reference import (
@@ -55,7 +55,7 @@ CHAPTERS = {
 }
 STATED = [
     (f"{module.__name__}:{name}.{row.name}", row.value)
-    for module in (importlib.import_module(f"haptics.physics.{found.name}") for found in pkgutil.iter_modules(physics.__path__))
+    for module in (importlib.import_module(found.name) for found in pkgutil.walk_packages(physics.__path__, "haptics.physics."))
     for name, held in vars(module).items()
     if isinstance(held, Parameters) and type(held).__module__ == module.__name__
     for row in provenance(held)
@@ -203,8 +203,8 @@ def test_the_parameter_sets_are_found() -> None:
 
 DERIVED_FROM = {
     # What was solved for, bounded by or rounded from a published value rather than set to it.
-    *("haptics.physics.latch_parameters:LATCH.drag_n_s_m", "haptics.physics.brake_contact:CONTACT.tau_off_s"),
-    *("haptics.physics.brake_force:OFF_FORCE_N", "haptics.physics.brake_fit:RELATIVE_SD"),
+    *("haptics.physics.latch.parameters:LATCH.drag_n_s_m", "haptics.physics.brake.contact:CONTACT.tau_off_s"),
+    *("haptics.physics.brake.force_laws:OFF_FORCE_N", "haptics.physics.brake.fit:RELATIVE_SD"),
 }
 
 
@@ -218,8 +218,8 @@ def test_what_a_number_is_used_by_holds_it(row: Published, path: str) -> None:
 
 
 def test_what_was_bounded_or_rounded_lies_within_what_is_published() -> None:
-    assert published("off_force").compare(resolved("haptics.physics.brake_force:OFF_FORCE_N")) == "agrees"
-    assert 100.0 * resolved("haptics.physics.brake_fit:RELATIVE_SD") == published("pull_scatter").value
+    assert published("off_force").compare(resolved("haptics.physics.brake.force_laws:OFF_FORCE_N")) == "agrees"
+    assert 100.0 * resolved("haptics.physics.brake.fit:RELATIVE_SD") == published("pull_scatter").value
     # Down to a tenth of the force within the response time.
     assert published("response_time").compare(CONTACT.tau_off_s * math.log(10.0)) == "agrees"
 

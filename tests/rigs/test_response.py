@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from brake_truth import Bystander, true_brake, url
 
-from haptics.physics.brake_pull import pull as reference_pull
+from haptics.physics.brake.pull import pull as reference_pull
 from haptics.recording import load
 from rigs.bench import BenchOptions
 from rigs.response import rig as response

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from firmware_models.brake_board import BrakeBoard
+from firmware_models.boards.brake_board import BrakeBoard
+from firmware_models.line.uart import Line
 from firmware_models.options import parse_options, split_url
 from firmware_models.protocol_sim import board_options
-from firmware_models.uart import Line
 from haptics.errors import InputError
-from haptics.physics.brake_drive import eq44_power_w, rise_time_s, steady_half_period, supply_power_w
-from haptics.physics.brake_parameters import overlap_sensitivity_f_per_m
+from haptics.physics.brake.charging import eq44_power_w, rise_time_s, steady_half_period, supply_power_w
+from haptics.physics.brake.parameters import overlap_sensitivity_f_per_m
 from haptics.recording import load
 from rigs import supply
 from rigs.bench import Bench, BenchOptions

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from firmware_models.boards.tactiles_board import TactilesBoard
+from firmware_models.line.uart import Line
 from firmware_models.options import parse_options, split_url
 from firmware_models.protocol_sim import board_options
-from firmware_models.tactiles_board import TactilesBoard
-from firmware_models.uart import Line
 from haptics.errors import CommandRefused, InputError, LimitError
 from haptics.recording import load
 from rigs import thermal

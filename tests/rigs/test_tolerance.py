@@ -14,9 +14,9 @@ from numpy.random import SeedSequence
 from typer.testing import CliRunner
 
 from haptics.errors import InputError
-from haptics.physics.latch import latch_plant
-from haptics.physics.latch_parameters import LatchParameters
-from haptics.physics.thermal import PULSE_S, THERMAL, relax
+from haptics.physics.latch.parameters import LatchParameters
+from haptics.physics.latch.pulse import latch_plant
+from haptics.physics.thermal.one_node import PULSE_S, THERMAL, relax
 from haptics.scheduling import ThermalBudget
 from haptics.time import NS_PER_S
 from rigs.tolerance import study

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from haptics.errors import InputError
+from haptics.scene.geometry.pose import Pose
+from haptics.scene.geometry.shapes import Box, Placed, Sphere
 from haptics.scene.grasp import GraspRule, GraspTracker, grasp_rule
+from haptics.scene.hand_files.load import load_hand
 from haptics.scene.library import load_scene
 from haptics.scene.placement import expected_grasps
-from haptics.scene.pose import Pose
-from haptics.scene.recordings import load_hand
-from haptics.scene.shapes import Box, Placed, Sphere
 from haptics.scene.sites import TIP_RADIUS_M
 
 RADIUS_M = 0.03

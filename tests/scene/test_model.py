@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from haptics.errors import InputError
+from haptics.scene.geometry.pose import Pose
+from haptics.scene.geometry.shapes import Box, Cylinder, Placed, Plane, Sphere, distances
+from haptics.scene.hand_files.load import load_hand
 from haptics.scene.library import load_scene, shipped_scenes
 from haptics.scene.model import read_scene
 from haptics.scene.objects import Motion, SceneObject
 from haptics.scene.placement import place_in_hand
-from haptics.scene.pose import Pose
-from haptics.scene.recordings import load_hand
 from haptics.scene.scene import Scene
-from haptics.scene.shapes import Box, Cylinder, Placed, Plane, Sphere, distances
 from haptics.scene.sites import SITES, TIP_RADIUS_M, nominal_sites
 
 SHIPPED = ("desk", "playground", "posture", "resistance", "tennis", "workplace")

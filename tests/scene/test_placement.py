@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from haptics.errors import InputError
-from haptics.scene.hand import JOINT, HandRecording, HandTrack
+from haptics.scene.hand_files.load import load_hand
+from haptics.scene.hands.joints import JOINT
+from haptics.scene.hands.recording import HandRecording, HandTrack
+from haptics.scene.hands.synthetic import synthetic_hand
 from haptics.scene.placement import closing_strokes, expected_grasps, place_at_palm, place_in_hand
-from haptics.scene.recordings import load_hand
-from haptics.scene.synthetic import synthetic_hand
 
 
 def pinching(distance_m, side: str = "right", track_id: int = 0, interval_ns: int = 10_000_000) -> HandTrack:

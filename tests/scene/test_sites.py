@@ -7,9 +7,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from haptics.errors import InputError
-from haptics.scene.hand import JOINT
+from haptics.scene.hands.joints import JOINT
+from haptics.scene.hands.synthetic import synthetic_hand
 from haptics.scene.sites import SITE, SITES, SiteMap, nominal_sites
-from haptics.scene.synthetic import synthetic_hand
 
 
 @pytest.fixture

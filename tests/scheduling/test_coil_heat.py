@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from haptics.errors import InputError
-from haptics.physics.thermal import WORST_PULSE_POWER_W, ThermalParameters, bounding
+from haptics.physics.thermal.one_node import WORST_PULSE_POWER_W, ThermalParameters, bounding
 from haptics.scheduling import CoilHeat, ThermalBudget
 from haptics.scheduling.coil_heat import BOARD_TAU_S, BUILT_ON_TIME_S, MARGIN
 from haptics.session.configuration import ActuatorCalibration

@@ -10,7 +10,7 @@ from itertools import pairwise
 
 from hypothesis import event, example, given, settings, strategies as st
 
-from haptics.physics.thermal import ThermalParameters
+from haptics.physics.thermal.one_node import ThermalParameters
 from haptics.scheduling import (
     CoilLimits,
     CoilPulse,

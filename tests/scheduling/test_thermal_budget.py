@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from haptics.errors import InputError
-from haptics.physics.thermal import PULSE_ENERGY_J, ThermalParameters, burst_energy_j
+from haptics.physics.thermal.one_node import PULSE_ENERGY_J, ThermalParameters, burst_energy_j
 from haptics.scheduling import ThermalBudget
 
 S = 1_000_000_000

@@ -9,8 +9,8 @@ import uuid
 import pytest
 import serial
 
-from firmware_models import board as board_module
-from firmware_models.brake_board import BrakeBoard
+from firmware_models.boards import board as board_module
+from firmware_models.boards.brake_board import BrakeBoard
 from haptics.cli import main as cli
 from haptics.errors import LinkLost
 from haptics.link.messages import Fault

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from haptics.physics.brake_parameters import BRAKE, capacitance_f
+from haptics.physics.brake.parameters import BRAKE, capacitance_f
 
 TOOL = Path(__file__).resolve().parents[2] / "tools" / "sweep_volts.py"
 

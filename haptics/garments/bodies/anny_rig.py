@@ -13,13 +13,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from haptics.cache import cache_folder
 from haptics.errors import InputError
 from haptics.garments.bodies.bending import rotation, smooth_step
 from haptics.garments.bodies.body import PARTS
-from haptics.garments.bodies.cache import cache_folder
-from haptics.garments.bodies.fairing import spanned, spread
 from haptics.garments.bodies.motions import ARM_DIRECTION, JOINTS, LEG_DIRECTION
 from haptics.garments.cut.cutting import largest_piece
+from haptics.garments.cut.fairing import spanned, spread
 from haptics.garments.mesh import Floats, Ints
 
 FORMAT = 1

@@ -19,21 +19,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from haptics.cache import cache_folder
+
 Arrays = dict[str, NDArray[Any]]
-
-
-def cache_folder() -> Path:
-    """``HAPTICS_CACHE``, or the folder that the platform has for such things."""
-    named = os.environ.get("HAPTICS_CACHE")
-    if named:
-        return Path(named)
-    if sys.platform == "win32":
-        base = os.environ.get("LOCALAPPDATA") or str(Path.home() / "AppData" / "Local")
-    elif sys.platform == "darwin":
-        base = str(Path.home() / "Library" / "Caches")
-    else:
-        base = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
-    return Path(base) / "wearable-haptics"
 
 
 def kept(kind: str, key: Mapping[str, Any], make: Callable[[], Arrays]) -> Arrays:

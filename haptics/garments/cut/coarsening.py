@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from haptics.errors import InputError
-from haptics.garments.bodies.fairing import neighbour_means
 from haptics.garments.cut.cutting import trimmed
+from haptics.garments.cut.fairing import neighbour_means
 from haptics.garments.cut.subdivision import Sparse
 from haptics.garments.mesh import Floats, Ints, SurfaceMesh
 

@@ -16,7 +16,7 @@ import numpy as np
 from haptics.garments.equilibrium.wearing import MotionEvaluation, WornMotion
 from haptics.garments.mesh import Floats, SurfaceMesh
 from haptics.garments.views.pictures import SKIN, brightest
-from haptics.recording.rerun_library import open_rerun, viewer_file
+from haptics.recording.views.rerun_library import open_rerun, viewer_file
 
 TIMELINE = "angle_deg"
 LOWEST_COLOUR, HIGHEST_COLOUR = np.array([68.0, 1.0, 84.0]), np.array([253.0, 231.0, 37.0])

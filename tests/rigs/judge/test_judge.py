@@ -5,19 +5,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from firmware_models.tactiles_plant import PLANT_OPTIONS, Actuators
-from haptics.physics.brake_system import BrakeSystem
-from haptics.physics.latch_parameters import LATCH
+from firmware_models.plants.tactiles_plant import PLANT_OPTIONS, Actuators
+from haptics.physics.brake.system import BrakeSystem
+from haptics.physics.latch.parameters import LATCH
 from rigs.judge import judge
-from rigs.judge.brake_cases import brake_cases
-from rigs.judge.brake_models import followed
-from rigs.judge.brake_netlist import brake_netlist
-from rigs.judge.coil_cases import HELD, coil_cases, shared_volts
-from rigs.judge.coil_netlist import CoilRun, coil_netlist
+from rigs.judge.cases.brake import brake_cases
+from rigs.judge.cases.coil import HELD, coil_cases, shared_volts
+from rigs.judge.cases.heat import heat_cases
 from rigs.judge.compare import all_cases
-from rigs.judge.heat_cases import heat_cases
-from rigs.judge.heat_netlist import heat_netlist
 from rigs.judge.judgement import judged_curve, judged_number, mean_square_root, running_integral
+from rigs.judge.netlists.brake import brake_netlist
+from rigs.judge.netlists.brake_models import followed
+from rigs.judge.netlists.coil import CoilRun, coil_netlist
+from rigs.judge.netlists.heat import heat_netlist
 from rigs.judge.ngspice import simulate
 
 CASES = {case.name: case for case in all_cases()}

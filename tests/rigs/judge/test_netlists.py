@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 
 from haptics.errors import InputError
-from haptics.physics.brake_drive import DRIVE
-from haptics.physics.brake_parameters import BRAKE
-from haptics.physics.brake_system import BrakeSystem
-from haptics.physics.latch_parameters import LATCH
-from haptics.physics.thermal import THERMAL
-from haptics.physics.thermal_two_node import TWO_NODE
-from rigs.judge.brake_netlist import BrakeRun, brake_netlist, bridge_legs
-from rigs.judge.coil_netlist import CoilRun, coil_netlist
-from rigs.judge.heat_netlist import HeatRun, heat_netlist
+from haptics.physics.brake.charging import DRIVE
+from haptics.physics.brake.parameters import BRAKE
+from haptics.physics.brake.system import BrakeSystem
+from haptics.physics.latch.parameters import LATCH
+from haptics.physics.thermal.one_node import THERMAL
+from haptics.physics.thermal.two_node import TWO_NODE
+from rigs.judge.netlists.brake import BrakeRun, brake_netlist, bridge_legs
+from rigs.judge.netlists.coil import CoilRun, coil_netlist
+from rigs.judge.netlists.heat import HeatRun, heat_netlist
 from rigs.judge.ngspice import simulate
 
 WAVE = BrakeRun(BrakeSystem(), ((0.0, 1500.0),), 20.0, 62.5e-3, (1e8,))

@@ -8,9 +8,9 @@ from hypothesis import given, settings, strategies as st
 from scipy.integrate import solve_ivp
 
 from haptics.errors import InputError
-from haptics.physics.brake_drive import DRIVE, Charging, bleeder_alone_v, rise_time_s, steady_half_period, supply_power_w
-from haptics.physics.brake_output import OutputStage
-from haptics.physics.brake_reservoir import Bus, steady
+from haptics.physics.brake.charging import DRIVE, Charging, bleeder_alone_v, rise_time_s, steady_half_period, supply_power_w
+from haptics.physics.brake.output_stage import OutputStage
+from haptics.physics.brake.reservoir import Bus, steady
 
 C = 2.747e-9
 

@@ -1,0 +1,1 @@
+"""The boards in Python: one state machine for both, their commands, guards, self-test and account of heat."""

@@ -1,0 +1,1 @@
+"""Bench instruments behind ``sim://``: thermocouple, load cell, accelerometer, high-voltage probe, stage."""

@@ -1,0 +1,1 @@
+"""``haptics ports``, ``haptics off`` and the ``haptics link`` group."""

@@ -1,0 +1,236 @@
+"""Looking at a link for a while: who is there, how it is, and how well the line does. Arms nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+from haptics.errors import LinkError
+from haptics.link.connection import Link
+from haptics.link.events import NO_CHANNEL, FaultReported, Rebooted, Telemetry
+from haptics.link.framing import BITS_PER_BYTE, FRAMING_BYTES
+from haptics.link.messages import DEFAULT_BAUD, Board, Fault, State, payload_size
+from haptics.link.ports import open_port
+from haptics.link.runner import RealtimeRunner, VirtualRunner, connect
+from haptics.link.session import LinkSession
+from haptics.link.settings import FINER_LINE, LinkCounters
+from haptics.link.simulated import SimulatedPort
+from haptics.link_trial.observed import ObservedPort
+from haptics.time import NS_PER_MS, NS_PER_S, seconds_to_ns
+
+TELEMETRY_PERIOD_NS = 20 * NS_PER_MS
+_LONGEST_COMMAND = payload_size("pulse") + FRAMING_BYTES
+_LOOK_S = 0.1
+_SKEW_S = 0.7  # a rate takes exchanges that lie apart
+
+
+@dataclass(frozen=True, slots=True)
+class Who:
+    """A board that said who it is, and how its clock runs."""
+
+    port: str
+    board: str
+    build: str
+    protocol: int
+    boot_id: str
+    channels: int
+    dead_man_ms: int
+    limits: tuple[int, ...]
+    clock_skew_ppm: float
+    clock_error_bound_us: float
+    line: str
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """How a link is now. Counts are since the watch began; ``late_commands`` is the board's own, since its boot.
+
+    ``least_lead_ms``: a timed command is sure to be early enough if it is sent so long before its time: twice the clock's error
+    bound (no exchange took longer on its way than that) and what the longest command takes on the line. What a program plans
+    ahead beyond it is its margin.
+    """
+
+    port: str
+    board: str
+    build: str
+    boot_id: str
+    elapsed_s: float
+    state: str
+    faults: list[str]
+    clock_error_bound_us: float
+    clock_skew_ppm: float
+    least_lead_ms: float
+    telemetry: int
+    telemetry_missed: int
+    telemetry_hz: float
+    telemetry_share: float
+    uplink_share: float
+    late_commands: int
+    board_bad_frames: int
+    line: str
+    counters: LinkCounters
+    notes: list[str] = field(default_factory=list[str])
+    error: str | None = None
+
+
+def open_link(url: str, baud: int = DEFAULT_BAUD) -> tuple[RealtimeRunner | VirtualRunner, Link]:
+    """A link on a port, and what drives it: virtual time where the URL says so.
+
+    :raises InputError, LinkError: see ``open_port``.
+    """
+    port = open_port(url, baud)
+    link = Link(port, LinkSession(None, url, baud=baud if isinstance(port, SimulatedPort) else 0))
+    if isinstance(port, ObservedPort) and port.virtual:
+        return VirtualRunner([link]), link
+    return RealtimeRunner([link]), link
+
+
+def identify(url: str, baud: int = DEFAULT_BAUD) -> Who:
+    """Who is behind a port.
+
+    :raises InputError, LinkError: nobody, or another one than a board; the message says what was seen and what to do.
+    """
+    runner, link = open_link(url, baud)
+    try:
+        identity = connect(runner)[0]
+        runner.wait_for(lambda: link.error is not None, _SKEW_S)
+        return _who(runner, link, identity)
+    finally:
+        close(runner, link)
+
+
+def close(runner: RealtimeRunner | VirtualRunner, link: Link) -> None:
+    """End what drives the link, and close its port."""
+    if isinstance(runner, RealtimeRunner):
+        runner.close()
+    link.close()
+
+
+def _who(runner: RealtimeRunner | VirtualRunner, link: Link, identity: Any) -> Who:
+    fit = link.clock
+    return Who(
+        port=link.name,
+        board=Board(identity.board).name.lower(),
+        build=build_name(identity),
+        protocol=identity.protocol,
+        boot_id=f"{identity.boot_id:08x}",
+        channels=identity.channels,
+        dead_man_ms=identity.dead_man,
+        limits=identity.limits,
+        clock_skew_ppm=fit.skew * 1e6 if fit else float("nan"),
+        clock_error_bound_us=fit.error_bound_s(runner.now_ns()) * 1e6 if fit else float("nan"),
+        line=line_in_words(link, runner.now_ns()),
+    )
+
+
+def line_in_words(link: Link, now_ns: int) -> str:
+    """Whether commands can be scheduled over this line: by how well the board's clock is known now, and what is needed."""
+    fit, needs = link.clock, link.session.settings
+    if fit is None:
+        return "too coarse to schedule: the board's clock was not measured"
+    known_s = fit.error_bound_s(now_ns)
+    known = f"clock known within {known_s * 1e3:.2g} ms"
+    if known_s > needs.max_error_s:
+        return f"too coarse to schedule: {known}, {needs.max_error_s * 1e3:g} ms needed; {FINER_LINE}"
+    if known_s > needs.fine_error_s:
+        measure = f" ({needs.exact_error_s * 1e3:g} ms needed to measure by)" if known_s > needs.exact_error_s else ""
+        return f"coarse: {known}, so commands play that much later{measure}; {FINER_LINE}"
+    return f"good: {known}"
+
+
+def build_name(identity: Any) -> str:
+    """The firmware's own name for itself."""
+    return identity.build.rstrip(b"\0").decode("ascii", "replace")
+
+
+class Monitor:
+    """Watches one link that is ready.
+
+    :param runner: what drives it. :param link: the link. :param baud: of its line.
+    """
+
+    def __init__(self, runner: RealtimeRunner | VirtualRunner, link: Link, baud: int = DEFAULT_BAUD):
+        self._runner, self._link, self._baud = runner, link, baud
+        link.events()  # what the handshake took is not part of the watch
+        self._begun_ns = runner.now_ns()
+        self._bytes_before = link.session.counters.bytes_in
+        self._last: Any = None
+        self._first_ns: int | None = None
+        self._last_ns = 0
+        self._telemetry = self._missed = 0
+        self._notes: list[str] = []
+
+    @property
+    def elapsed_s(self) -> float:
+        """Since the watch began."""
+        return (self._runner.now_ns() - self._begun_ns) / NS_PER_S
+
+    def watch(self, for_s: float | None, shown: Callable[[Look], None] = lambda _: None) -> Look:
+        """Watch for so long (None: until interrupted) or until the link is lost; ``shown`` is called ten times a second."""
+        end_ns = None if for_s is None else self._begun_ns + seconds_to_ns(for_s)
+        while self._link.error is None and (end_ns is None or self._runner.now_ns() < end_ns):
+            left_s = _LOOK_S if end_ns is None else min((end_ns - self._runner.now_ns()) / NS_PER_S, _LOOK_S)
+            self._runner.wait_for(lambda: self._link.error is not None, max(left_s, 0.0))
+            shown(self.look())
+        return self.look()
+
+    def look(self) -> Look:
+        """How the link is now."""
+        for event in self._link.events():
+            if isinstance(event, Telemetry):
+                self._take(event)
+            elif isinstance(event, FaultReported):
+                channel = "" if event.channel == NO_CHANNEL else f", channel {event.channel}"
+                self._notes.append(f"fault {_fault_name(event.fault)}{channel}, value {event.value}")
+            elif isinstance(event, Rebooted):
+                self._last = None
+                self._notes.append(f"rebooted: boot id {event.old_boot_id:08x}, now {event.new_boot_id:08x}")
+        return self._as_seen(self._link.identity, self._link.error)
+
+    def _take(self, event: Telemetry) -> None:
+        """Telemetry comes on a grid of its own; what is not there was missed."""
+        if self._last is None:
+            self._first_ns = event.time_ns
+        else:
+            self._missed += max(round((event.time_ns - self._last_ns) / TELEMETRY_PERIOD_NS) - 1, 0)
+        self._last, self._last_ns = event.message, event.time_ns
+        self._telemetry += 1
+
+    def _as_seen(self, identity: Any, error: LinkError | None) -> Look:
+        now_ns, fit, last = self._runner.now_ns(), self._link.clock, self._last
+        counters = self._link.session.counters
+        elapsed_s = max(self.elapsed_s, 1e-9)
+        board = Board(identity.board).name.lower()
+        line = self._baud / BITS_PER_BYTE * elapsed_s
+        frame_bytes = payload_size(f"{board}_telemetry") + FRAMING_BYTES
+        state = State(last.state).name.lower() if last and last.state in State.__members__.values() else "unknown"
+        return Look(
+            port=self._link.name,
+            board=board,
+            build=build_name(identity),
+            boot_id=f"{identity.boot_id:08x}",
+            elapsed_s=elapsed_s,
+            state=state if error is None else "lost",
+            faults=[_fault_name(bit) for bit in range(16) if last and last.faults >> bit & 1],
+            clock_error_bound_us=fit.error_bound_s(now_ns) * 1e6 if fit else float("nan"),
+            clock_skew_ppm=fit.skew * 1e6 if fit else float("nan"),
+            least_lead_ms=1e3 * (2 * fit.error_bound_s(now_ns) + _LONGEST_COMMAND * BITS_PER_BYTE / self._baud)
+            if fit
+            else float("nan"),
+            telemetry=self._telemetry,
+            telemetry_missed=self._missed,
+            telemetry_hz=self._telemetry / elapsed_s,
+            telemetry_share=self._telemetry * frame_bytes / line,
+            uplink_share=(counters.bytes_in - self._bytes_before) / line,
+            late_commands=last.late if last else 0,
+            board_bad_frames=last.bad_frames if last else 0,
+            line=line_in_words(self._link, now_ns),
+            counters=counters,
+            notes=list(self._notes),
+            error=str(error) if error is not None else None,
+        )
+
+
+def _fault_name(fault: int) -> str:
+    return Fault(fault).name.lower() if fault in Fault.__members__.values() else f"fault {fault}"

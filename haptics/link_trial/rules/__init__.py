@@ -1,0 +1,1 @@
+"""The rules of the protocol, by subject; each tries one promise on a board."""

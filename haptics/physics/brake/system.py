@@ -1,0 +1,143 @@
+"""One to eight brakes, what drives them and what pulls on them: one parameter set for every level of the brake model."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from haptics.errors import InputError
+from haptics.physics.brake.charging import DRIVE, DriveParameters
+from haptics.physics.brake.contact import CONTACT, ContactParameters
+from haptics.physics.brake.finger import FINGER, FingerParameters
+from haptics.physics.brake.force_laws import ForceLaw, default_law
+from haptics.physics.brake.parameters import BRAKE, BrakeParameters, capacitance_f
+from haptics.units import in_range, one_of
+
+GREATEST_OUTPUTS = 8
+_TABLE_POINTS = 1000
+"""Least number of table steps between 0 V and breakdown."""
+
+
+@dataclass(frozen=True)
+class BrakeSystem:
+    """Brakes in parallel on one supply.
+
+    :param laws: of the holding force, one for each output; their number is the number of outputs, 1 to 8.
+    :param force_gain: a brake's force over its law's; one for all, or one each, 0 to 10.
+    :param overlaps_m2: of each brake at first; none: ``brake.overlap_m2``. 0 means that nothing is connected: no force at all.
+    :param strips: stacked pairs in each brake, 1 to 64. :param reversal: clamped or direct, see ``charging``.
+    :raises InputError: anything outside these.
+    """
+
+    brake: BrakeParameters = BRAKE
+    drive: DriveParameters = DRIVE
+    contact: ContactParameters = CONTACT
+    finger: FingerParameters = FINGER
+    laws: tuple[ForceLaw, ...] = (default_law("index"),)
+    force_gain: tuple[float, ...] = (1.0,)
+    overlaps_m2: tuple[float, ...] | None = None
+    strips: int = 1
+    reversal: str = "clamped"
+
+    def __post_init__(self) -> None:
+        if not 1 <= len(self.laws) <= GREATEST_OUTPUTS:
+            raise InputError(f"laws = {len(self.laws)} laws is not allowed; allowed: 1 to {GREATEST_OUTPUTS}, one an output")
+        if len(self.force_gain) not in (1, len(self.laws)):
+            raise InputError(f"force_gain = {len(self.force_gain)} gains is not allowed; allowed: 1 or {len(self.laws)}")
+        if self.overlaps_m2 is not None and len(self.overlaps_m2) != len(self.laws):
+            raise InputError(f"overlaps_m2 = {len(self.overlaps_m2)} overlaps is not allowed; allowed: {len(self.laws)}")
+        for gain in self.force_gain:
+            in_range("force_gain", gain, 0.0, 10.0)
+        for overlap_m2 in self.overlaps_m2 or ():
+            in_range("overlaps_m2", overlap_m2, 0.0, 1.0, "m2")
+        in_range("strips", self.strips, 1, 64)
+        one_of("reversal", self.reversal, ("clamped", "direct"))
+
+    @property
+    def outputs(self) -> int:
+        return len(self.laws)
+
+    @property
+    def breakdown_v(self) -> float:
+        """Volts above which there is no brake but a fault, thickness times breakdown field."""
+        return self.brake.breakdown_v_per_m * self.brake.thickness_m
+
+    def overlap_m2(self, output: int) -> float:
+        """At first, before anything slid."""
+        return self.brake.overlap_m2 if self.overlaps_m2 is None else self.overlaps_m2[output]
+
+    def capacitance_f(self, output: int, slid_m: float = 0.0) -> float:
+        """Of one output whose strips have slid apart by ``slid_m``."""
+        left_m2 = self.overlap_m2(output) * self.share(output, slid_m)
+        return capacitance_f(left_m2, self.brake.thickness_m, self.brake.permittivity, self.strips)
+
+    def share(self, output: int, slid_m: float) -> float:
+        """Overlap that is left over overlap at first, 0 to 1."""
+        full_m2 = self.overlap_m2(output)
+        return max(0.0, 1.0 - self.brake.width_m * slid_m / full_m2) if full_m2 > 0.0 else 0.0
+
+    def full_force_n(self, output: int, volts: float) -> float:
+        """Steady capacity at ``volts`` before anything slid, by the output's law and gain."""
+        full_m2, brake = self.overlap_m2(output), self.brake
+        if full_m2 <= 0.0:
+            return 0.0
+        gain = self.force_gain[output if len(self.force_gain) > 1 else 0]
+        return gain * self.laws[output].force_n(volts, full_m2, brake.thickness_m, brake.permittivity, self.strips)
+
+    def check_volts(self, volts: float) -> float:
+        """``volts`` if supply and dielectric stand it.
+
+        :raises InputError: negative, above the supply's, or past breakdown.
+        """
+        volts = in_range("volts", volts, 0.0, self.drive.supply_volts, "V")
+        if volts > self.breakdown_v:
+            field, most = volts / self.brake.thickness_m * 1e-6, self.brake.breakdown_v_per_m * 1e-6
+            raise InputError(
+                f"volts = {volts:g} V makes a field of {field:.4g} V/um, past breakdown: a fault, not a force; "
+                f"allowed: at most {self.breakdown_v:g} V ({most:g} V/um)"
+            )
+        return volts
+
+
+class ForceTable:
+    """Steady capacity of one output over volts, straight between points a volt apart (closer where breakdown is below 1 kV).
+
+    For the thesis' brake within 3 uN of the law, and far cheaper. Every law is linear in overlap but for the off force, so that
+    one table serves any overlap: ``F = F_off + share (F_full - F_off)``.
+    """
+
+    def __init__(self, system: BrakeSystem, output: int):
+        self._system, self._output = system, output
+        self._points: dict[int, float] = {}
+        self.per_volt = table_per_volt(system)
+        self.off_n = system.full_force_n(output, 0.0)
+
+    def force_n(self, volts: float, share: float = 1.0) -> float:
+        """Steady capacity at ``volts`` (>= 0) with this share of the overlap left."""
+        at = volts * self.per_volt
+        low = int(at)
+        points = self._points
+        if low in points and low + 1 in points:
+            below, above = points[low], points[low + 1]
+        else:
+            below, above = self._point(low), self._point(low + 1)
+        full_n = below + (above - below) * (at - low)
+        return full_n if share == 1.0 else self.off_n + (full_n - self.off_n) * share
+
+    def _point(self, index: int) -> float:
+        points = self._points
+        if index not in points:
+            points[index] = self._system.full_force_n(self._output, index / self.per_volt)
+        return points[index]
+
+    def array(self, up_to_v: float) -> NDArray[np.float64]:
+        """The points from 0 V to beyond ``up_to_v``, for compiled loops."""
+        return np.array([self._point(k) for k in range(int(up_to_v * self.per_volt) + 3)])
+
+
+def table_per_volt(system: BrakeSystem) -> float:
+    """Table points a volt."""
+    return float(max(1, math.ceil(_TABLE_POINTS / system.breakdown_v)))

@@ -1,0 +1,1 @@
+"""Pictures and viewer files made from a finished recording."""

@@ -1,0 +1,1 @@
+"""Rigid poses, and shapes as signed distances."""

@@ -1,0 +1,1 @@
+"""Recordings of hands, read from the formats in which trackers and this project leave them."""

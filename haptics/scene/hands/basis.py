@@ -1,0 +1,73 @@
+"""Poses between OpenXR's basis and those of the engines.
+
+An engine's axes are a signed permutation ``M`` of OpenXR's (``p_openxr = M p_engine``, with a scale). A rotation goes with
+it, both the world's axes and the joint's own, ``R_openxr = M R_engine M^T``; on a quaternion that is ``v -> det(M) M v`` for
+the vector part, ``w`` unchanged. So a finger that points along -Z of its joint in OpenXR points along +Z in Unity and +X in
+Unreal: each engine's own *forward*.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from haptics.errors import InputError
+from haptics.scene.hands.frame import Floats
+
+
+@dataclass(frozen=True, slots=True)
+class Basis:
+    """An engine's axes and unit.
+
+    :param name: what a client declares.
+    :param axes: ``M``, rows: OpenXR's x, y, z in the engine's coordinates.
+    :param unit_m: metres in one unit of the engine.
+    """
+
+    name: str
+    axes: tuple[tuple[int, int, int], tuple[int, int, int], tuple[int, int, int]]
+    unit_m: float = 1.0
+
+    @property
+    def right_handed(self) -> bool:
+        """Whether x cross y is z."""
+        return bool(np.linalg.det(self.axes) > 0)
+
+    def to_openxr(self, position: ArrayLike, orientation_xyzw: ArrayLike) -> tuple[Floats, Floats]:
+        """Positions (..., 3) in the engine's unit and quaternions (..., 4), to metres in OpenXR's basis."""
+        axes = np.array(self.axes, float)
+        return np.asarray(position, float) @ axes.T * self.unit_m, _turned(orientation_xyzw, axes)
+
+    def from_openxr(self, position_m: ArrayLike, orientation_xyzw: ArrayLike) -> tuple[Floats, Floats]:
+        """Positions (..., 3) in metres and quaternions (..., 4) in OpenXR's basis, to the engine's basis and unit."""
+        axes = np.array(self.axes, float)
+        return np.asarray(position_m, float) @ axes / self.unit_m, _turned(orientation_xyzw, axes.T)
+
+
+def _turned(orientation_xyzw: ArrayLike, axes: Floats) -> Floats:
+    orientation = np.asarray(orientation_xyzw, float)
+    vector = orientation[..., :3] @ (axes.T * np.linalg.det(axes))
+    return np.concatenate([vector, orientation[..., 3:]], axis=-1)
+
+
+BASES = {
+    basis.name: basis
+    for basis in (
+        Basis("openxr", ((1, 0, 0), (0, 1, 0), (0, 0, 1))),
+        Basis("godot", ((1, 0, 0), (0, 1, 0), (0, 0, 1))),  # right-handed, +Y up, -Z forward, metres
+        Basis("unity", ((1, 0, 0), (0, 1, 0), (0, 0, -1))),  # left-handed, +Y up, +Z forward, metres
+        Basis("unreal", ((0, 1, 0), (0, 0, 1), (-1, 0, 0)), unit_m=0.01),  # left-handed, +X forward, +Z up, centimetres
+    )
+}
+
+
+def basis(name: str) -> Basis:
+    """The basis an engine declares.
+
+    :raises InputError: not one of ``BASES``.
+    """
+    if name not in BASES:
+        raise InputError(f"basis = {name!r} is not allowed; allowed: {', '.join(BASES)}")
+    return BASES[name]

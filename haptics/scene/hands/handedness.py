@@ -1,0 +1,43 @@
+"""Whether a hand is the one that it is said to be.
+
+Seen along its fingers with the back up, a right hand has its thumb on the left. So the knuckles, counted from the thumb's side,
+run along the palm's own +X axis in a right hand and against it in a left one, whatever the label says. Trackers and converters
+mix hands up where pictures are mirrored.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from haptics.scene.hands.joints import JOINT, SIDES
+
+CLEAR = 0.5
+"""To tell, the knuckles' line must lie along the palm's axis by at least this cosine in the median (assumed; hands have 0.9)."""
+
+
+def apparent_side(position_m: ArrayLike, orientation_xyzw: ArrayLike) -> str | None:
+    """``left`` or ``right`` as thumb side and palm have it, or None where that is not clear.
+
+    :param position_m: (26, 3) of a pose, or (n, 26, 3) of many. :param orientation_xyzw: (26, 4) or (n, 26, 4).
+    """
+    position, turn = np.atleast_3d(np.asarray(position_m, float)), np.asarray(orientation_xyzw, float)
+    position, turn = np.reshape(position, (-1, 26, 3)), np.reshape(turn, (-1, 26, 4))
+    x, y, z, w = turn[:, JOINT["palm"]].T
+    palm_x = np.stack([1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + z * w), 2.0 * (x * z - y * w)], axis=-1)
+    knuckles = position[:, JOINT["little_proximal"]] - position[:, JOINT["index_proximal"]]
+    length = np.linalg.norm(knuckles, axis=-1)
+    if not (length > 0).any():
+        return None
+    cosine = float(np.median((np.vecdot(knuckles, palm_x) / np.where(length > 0, length, 1.0))[length > 0]))
+    return None if abs(cosine) < CLEAR else SIDES[int(cosine > 0)]
+
+
+def contradiction(side: str, apparent: str | None) -> str | None:
+    """In words that a hand is not as it is labelled, or None."""
+    if apparent is None or apparent == side:
+        return None
+    return (
+        f"the hand labelled {side} looks like a {apparent} one: its thumb is on the {apparent} hand's side of its palm; "
+        "either the label is wrong or the palm's normal"
+    )

@@ -1,0 +1,94 @@
+"""Which poses may move things, one after another: the last one accepted is what the next is held against.
+
+A pose that is accepted wrongly must not shut out those that follow:
+
+- one from the future is refused, as every pose after it would seem late;
+- one that is in the wrong place, because it came first or after a gap, makes the next good one seem to jump. Which of two that
+  do not go together is wrong shows with a third: if the two after it go with each other and with the one before it, it was the
+  wrong one, and what it moved must be let go.
+
+A hand that really is somewhere else all at once stays refused until it could have moved there.
+"""
+
+from __future__ import annotations
+
+from haptics.errors import InputError
+from haptics.scene.hands.check import check_frame, jump_between
+from haptics.scene.hands.frame import HandFrame
+from haptics.scene.hands.shown import shown
+from haptics.time import NS_PER_MS, NS_PER_S
+
+FUTURE_NS = 50 * NS_PER_MS
+"""A pose may be stamped this far ahead of its arrival, as one predicted for display is; farther ahead its clock is another."""
+FORGOTTEN_NS = 100 * NS_PER_MS
+"""After this long without a pose of the hand that was followed, the other hand may be."""
+
+
+class PoseGate:
+    """Judges poses in the order in which they come.
+
+    :param side: of the only hand that may move anything; None follows the hand that comes first until it is gone.
+    """
+
+    def __init__(self, side: str | None = None):
+        self._side = side
+        self.starts_anew = False
+        """Whether the pose accepted last does not go on from the one before: what that one moved is to be let go."""
+        self.overturned: HandFrame | None = None
+        """The pose accepted before, where the last verdict was that it had been wrong."""
+        self.forget()
+
+    def forget(self) -> None:
+        """The hand is gone; the next pose is held against none."""
+        self._last: HandFrame | None = None
+        self._before: HandFrame | None = None
+        self._doubted: HandFrame | None = None
+
+    def judge(self, frame: HandFrame, now_ns: int | None = None) -> str | None:
+        """Why the pose must not move anything, or None: then it is the last one accepted.
+
+        :param now_ns: when it arrived, where that is known.
+        :raises InputError: no ``HandFrame``.
+        """
+        if not isinstance(frame, HandFrame):
+            raise InputError(f"frame is {shown(frame)}; allowed: a HandFrame (haptics.scene.HandFrame)")
+        self.starts_anew, self.overturned = False, None
+        reason = check_frame(frame, None) or self._untimely(frame, now_ns) or self._of_other_hand(frame)
+        if reason is not None:
+            return reason
+        last = self._last
+        if last is None or frame.side != last.side or frame.track_id != last.track_id:
+            self.starts_anew = last is not None
+            self._before, self._last, self._doubted = None, frame, None
+            return None
+        jump = jump_between(last, frame)
+        if jump is None:
+            self._before, self._last, self._doubted = last, frame, None
+            return None
+        doubted, before = self._doubted, self._before
+        if doubted is not None and _go_together(doubted, frame) and (before is None or _go_together(before, doubted)):
+            self.starts_anew, self.overturned = True, last
+            self._before, self._last, self._doubted = doubted, frame, None
+            return None
+        self._doubted = frame
+        return jump
+
+    def _untimely(self, frame: HandFrame, now_ns: int | None) -> str | None:
+        if now_ns is not None and frame.time_ns > now_ns + FUTURE_NS:
+            ahead_s = (frame.time_ns - now_ns) / NS_PER_S
+            return f"its time lies {ahead_s:.6g} s ahead of its arrival; allowed: up to {FUTURE_NS / NS_PER_S:g} s"
+        if self._last is not None and frame.time_ns <= self._last.time_ns:
+            return f"its time {frame.time_ns} ns does not follow {self._last.time_ns} ns"
+        return None
+
+    def _of_other_hand(self, frame: HandFrame) -> str | None:
+        if self._side is not None and frame.side != self._side:
+            return f"it is of the {frame.side} hand; the glove is on the {self._side} one (`side` says which)"
+        last = self._last
+        if last is not None and frame.side != last.side and frame.time_ns - last.time_ns <= FORGOTTEN_NS:
+            return f"it is of the {frame.side} hand while the {last.side} one is followed (`side` says which)"
+        return None
+
+
+def _go_together(earlier: HandFrame, later: HandFrame) -> bool:
+    return later.time_ns > earlier.time_ns and jump_between(earlier, later) is None

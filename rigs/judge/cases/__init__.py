@@ -1,0 +1,1 @@
+"""The questions put to both, model and circuit simulator."""

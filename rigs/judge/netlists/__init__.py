@@ -1,0 +1,1 @@
+"""The circuits that ngspice is given."""
