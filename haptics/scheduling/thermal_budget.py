@@ -25,7 +25,7 @@ class ThermalBudget:
     ``rise_k``, ``headroom_k`` and ``spend`` tell the account what time it is. All other questions may be asked ahead of time:
     they answer for ``now_ns`` and leave the account where it was.
 
-    A *pulse* below is any lump of ``energy_j``: a switch (0.18 J, the default) or a burst (``physics.thermal.one_node.burst_energy_j``).
+    A *pulse* below is any lump of ``energy_j``: a switch (0.18 J, the default) or a burst (``burst_energy_j``).
 
     :param limit_k: largest rise allowed; 25 K is assumed, a setting.
     :param rise_k: rise at ``at_ns``, for an account that goes on from an earlier one.
