@@ -26,7 +26,7 @@ from rigs.report import Block, Page, png_bytes, render_page
 from rigs.report.page import Table
 from rigs.result import Plot, Quantity, RigResult, series
 
-MOST_DEVICES = 1000
+MAX_DEVICES = 1000
 
 
 @dataclass(frozen=True)
@@ -108,7 +108,7 @@ def characterize(
     :raises HapticsError: the bench failed; whatever was recorded is in ``out``, marked incomplete.
     """
     chosen = rig(name)
-    devices = int(in_range("devices", devices, 1, MOST_DEVICES))
+    devices = int(in_range("devices", devices, 1, MAX_DEVICES))
     if devices > 1 and not is_simulated(options.board_url(chosen.BOARD)):
         raise InputError(
             f"devices = {devices} is not allowed on hardware: the instruments sit on one; allowed: 1, then another --channel"

@@ -24,7 +24,7 @@ ON_A = 0.3
 """Telemetry above this current saw a pulse: a tenth of what a coil draws, and far more than a board draws without."""
 POWER_SD = 0.003
 """Standard deviation of measured over true power: the board's current and voltage senses (assumed)."""
-LEAST_DIP, MOST_DIP = 0.0015, 0.05
+MIN_DIP, MAX_DIP = 0.0015, 0.05
 """Share of the current that a pin takes just before it lands, if it moves."""
 _FEWEST = 50
 _EDGE_S = 0.2e-3

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from haptics.physics.latch.recoil import SAMPLE_RATE_HZ
-from rigs.coil_current import LEAST_DIP, MOST_DIP, PulseRecord
+from rigs.coil_current import MAX_DIP, MIN_DIP, PulseRecord
 from rigs.fitting import Vector
 from rigs.instruments import Accelerometer, Samples
 from rigs.result import Fault, Measured, Measurement
@@ -36,7 +36,7 @@ MEASUREMENTS = {
     "supply_v": Measurement("supply_v", "V", 4.5, 5.5, "supply while a coil is on; the drive is stated at 5 V (3.4.3)"),
     "current_a": Measurement("current_a", "A", 2.0, 5.0, "mean current of a pulse; a coil draws 3.6 A (3.4.3)"),
     "landing_dip": Measurement(
-        "landing_dip", "1", LEAST_DIP, MOST_DIP, "share of the current that motion takes before the pin lands"
+        "landing_dip", "1", MIN_DIP, MAX_DIP, "share of the current that motion takes before the pin lands"
     ),
 }
 
@@ -133,16 +133,16 @@ def faults_of_set_up(measured: dict[str, Measured]) -> list[Fault]:
     return faults
 
 
-def fault_of_silence(greatest_g: float, dip: float | None) -> Fault:
+def fault_of_silence(max_g: float, dip: float | None) -> Fault:
     """Pulses draw current, and no landing is felt: by the current's own dip, whether the pin moved.
 
-    :param greatest_g: felt after a command. :param dip: see ``PulseRecord.landing_dip``; None: the current does not tell.
+    :param max_g: felt after a command. :param dip: see ``PulseRecord.landing_dip``; None: the current does not tell.
     """
-    felt = f"nothing above {greatest_g:.2g} g is felt after a command"
+    felt = f"nothing above {max_g:.2g} g is felt after a command"
     if dip is None or np.isnan(dip):
         return Fault("actuator_stuck_or_accelerometer_loose", f"{felt}. Is the pin free, and the accelerometer fixed?")
     moves = f"the current dips by {100 * dip:.2f} % before the pin should land; a pin that moves takes 0.15 to 5 %"
-    if LEAST_DIP <= dip <= MOST_DIP:
+    if MIN_DIP <= dip <= MAX_DIP:
         return _loose(f"{felt}, though {moves}")
     return Fault("actuator_stuck", f"{felt}, and {moves}. Is it free?")
 

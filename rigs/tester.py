@@ -45,9 +45,9 @@ def cell_faults(bench: Bench) -> tuple[Fault, ...]:
     samples = cell.samples()
     force_n = samples.column()
     full_scale_n = cell.number("full_scale_n", 1e-3, 1e6, "N")
-    most_n = float(np.abs(force_n).max())
-    if most_n > full_scale_n:
-        why = f"the load cell read {most_n:.3g} N of {full_scale_n:g} N; use one for more force, and check the zero of this one"
+    max_n = float(np.abs(force_n).max())
+    if max_n > full_scale_n:
+        why = f"the load cell read {max_n:.3g} N of {full_scale_n:g} N; use one for more force, and check the zero of this one"
         return (Fault("load_cell_off_scale", why),)
     late_ns = bench.now_ns - samples.start_ns - round(float(samples.time_s[-1]) * 1e9)
     if late_ns > _SILENT_NS:

@@ -27,7 +27,7 @@ from firmware_models.line.uart import NEVER_NS, Line
 from firmware_models.options import Option
 from firmware_models.plants.brake_plant import DISCHARGED_VOLTS, PLANT_OPTIONS, Brakes
 from haptics.link.messages import BRAKE_CHANNELS, TICK_HZ, Board, Fault, State, Status
-from haptics.physics.brake.parameters import GREATEST_VOLTS, capacitance_f
+from haptics.physics.brake.parameters import MAX_VOLTS, capacitance_f
 from haptics.time import NS_PER_MS
 
 HIGHEST_FIELD_V_M = 150e6
@@ -79,7 +79,7 @@ class BrakeBoard(FirmwareModel):
 
     @classmethod
     def built_limits(cls, options: Mapping[str, Any]) -> tuple[int, ...]:
-        volts = min(GREATEST_VOLTS, HIGHEST_FIELD_V_M * options["thickness_m"])
+        volts = min(MAX_VOLTS, HIGHEST_FIELD_V_M * options["thickness_m"])
         return (int(volts), SUPPLY_CURRENT_UA, HIGHEST_FREQUENCY_DHZ, LONGEST_TTL_MS, STORED_CHARGE_NC)
 
     def __init__(self, options: Mapping[str, Any], transmitter: Line, start_ns: int):

@@ -68,7 +68,7 @@ class CoilGuards:
         self._before_ma = -1
         self._before.append((now_ns, on))
 
-    def sample(self, now_ns: int, on: int, least_mv: int, limit_ma: int, longest: int) -> tuple[Trip | None, int]:
+    def sample(self, now_ns: int, on: int, min_mv: int, limit_ma: int, longest: int) -> tuple[Trip | None, int]:
         """Look once; to be called at ``next_ns``. What trips, and how long (ns) current has flowed that no command explains.
 
         :param on: coils that are on by command. The limits are those of ``identity``, in its units.
@@ -93,7 +93,7 @@ class CoilGuards:
         settled = not over and not self._doubted and abs(current_ma - self._before_ma) < _SETTLED_MA
         self._before_ma = current_ma
         self.next_ns = NEVER_NS if settled else now_ns + (FADE_NS if doubtful else SAMPLE_NS)
-        if supply_mv < least_mv:
+        if supply_mv < min_mv:
             return Trip(Fault.SUPPLY, WHOLE_BOARD, supply_mv), flowed_ns
         if now_ns - self._over_since_ns >= OVER_NS:
             return Trip(Fault.COIL_CURRENT, WHOLE_BOARD, current_ma), flowed_ns

@@ -50,9 +50,9 @@ class CoilHeat:
     def note(self, waiting_s: Sequence[float], now_ns: int) -> None:
         """Note what a loss of power must not hide; after a pulse was taken."""
         self._cool(now_ns)
-        most_s = max(account_s + more_s for account_s, more_s in zip(self._accounts_s, waiting_s, strict=True))
-        self._used |= most_s > 0.0
-        self._warm = most_s > WARM_S or (self._warm and most_s >= COOLED_S)
+        max_s = max(account_s + more_s for account_s, more_s in zip(self._accounts_s, waiting_s, strict=True))
+        self._used |= max_s > 0.0
+        self._warm = max_s > WARM_S or (self._warm and max_s >= COOLED_S)
 
     def lose_power(self, limit_s: float, now_ns: int) -> None:
         """Accounts are lost: the worst that the notes allow is taken for true."""

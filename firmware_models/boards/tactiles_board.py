@@ -25,12 +25,12 @@ from haptics.physics.latch.parameters import LONGEST_PULSE_S
 from haptics.time import NS_PER_S
 
 QUEUE_DEPTH = 64
-LEAST_SUPPLY_MV = 3000
+MIN_SUPPLY_MV = 3000
 ON_TIME_MS = 2500
 TOO_MANY_COILS = 1 << 15
 _ALL_CHANNELS = (1 << COIL_CHANNELS) - 1
 _TICKS_PER_UNIT = DURATION_UNIT_US * TICKS_PER_US
-_LONGEST_PULSE, _COIL_CURRENT, _QUEUE, _LEAST_SUPPLY, _ON_TIME = range(5)  # the order of identity.limits
+_LONGEST_PULSE, _COIL_CURRENT, _QUEUE, _MIN_SUPPLY, _ON_TIME = range(5)  # the order of identity.limits
 
 
 class Pulse(NamedTuple):
@@ -51,7 +51,7 @@ class TactilesBoard(FirmwareModel):
     channels = COIL_CHANNELS
     build = b"py-tac-1"
     telemetry_name = "tactiles_telemetry"
-    stricter_upward = frozenset({_LEAST_SUPPLY})
+    stricter_upward = frozenset({_MIN_SUPPLY})
 
     @classmethod
     def options(cls) -> dict[str, Option]:
@@ -63,7 +63,7 @@ class TactilesBoard(FirmwareModel):
     @classmethod
     def built_limits(cls, options: Mapping[str, Any]) -> tuple[int, ...]:
         longest = round(LONGEST_PULSE_S * 1e6) // DURATION_UNIT_US
-        return (longest, round(1000 * options["current_limit_a"]), QUEUE_DEPTH, LEAST_SUPPLY_MV, ON_TIME_MS)
+        return (longest, round(1000 * options["current_limit_a"]), QUEUE_DEPTH, MIN_SUPPLY_MV, ON_TIME_MS)
 
     def __init__(self, options: Mapping[str, Any], transmitter: Line, start_ns: int):
         super().__init__(options, transmitter, start_ns)
@@ -118,11 +118,11 @@ class TactilesBoard(FirmwareModel):
 
     def _check_heat(self, wanted: list[Pulse]) -> None:
         """Refuse what takes a coil's account of on-time beyond its limit."""
-        hot = self.heat.hot(_on_time_s(wanted), _on_time_s(self._queue), self._most_on_s(), self.now_ns)
+        hot = self.heat.hot(_on_time_s(wanted), _on_time_s(self._queue), self._max_on_s(), self.now_ns)
         if hot:
             raise Refusal(Status.HOT, hot)
 
-    def _most_on_s(self) -> float:
+    def _max_on_s(self) -> float:
         return self.limits[_ON_TIME] / 1000
 
     def _cancel(self, message: Any) -> int:
@@ -173,7 +173,7 @@ class TactilesBoard(FirmwareModel):
         if self._guards.next_ns <= self.now_ns:
             limits = self.limits
             trip, flowed_ns = self._guards.sample(
-                self.now_ns, len(self._on), limits[_LEAST_SUPPLY], limits[_COIL_CURRENT], limits[_LONGEST_PULSE]
+                self.now_ns, len(self._on), limits[_MIN_SUPPLY], limits[_COIL_CURRENT], limits[_LONGEST_PULSE]
             )
             self._charge_unasked(flowed_ns)
             if trip is not None:
@@ -199,13 +199,13 @@ class TactilesBoard(FirmwareModel):
     def brown_out(self) -> None:
         """As of any board. What the firmware knew of its coils' heat is lost, but for what it noted."""
         super().brown_out()
-        self.heat.lose_power(self._most_on_s(), self.now_ns)
+        self.heat.lose_power(self._max_on_s(), self.now_ns)
 
     def _supply_mv(self) -> int:
         return round(1000 * self.plant.volts)
 
     def _supply_low(self) -> bool:
-        return self._supply_mv() < self.limits[_LEAST_SUPPLY]
+        return self._supply_mv() < self.limits[_MIN_SUPPLY]
 
     def _cause_gone(self, fault: Fault) -> bool:
         return fault != Fault.SUPPLY or not self._supply_low()

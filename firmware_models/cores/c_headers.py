@@ -15,7 +15,7 @@ from pathlib import Path
 from haptics.link import messages
 from haptics.link.messages import MESSAGES, Board, Fault, Message, State, Status
 from haptics.physics.brake.charging import DRIVE
-from haptics.physics.brake.parameters import BRAKE, GREATEST_VOLTS, capacitance_f
+from haptics.physics.brake.parameters import BRAKE, MAX_VOLTS, capacitance_f
 from haptics.physics.latch.parameters import LATCH, LONGEST_PULSE_S, NOMINAL_VOLTS
 from haptics.physics.thermal.one_node import THERMAL
 
@@ -76,7 +76,7 @@ def constants_header() -> str:
         Constant("WORST_COIL_MA", worst_coil_ma, "mA", "5 V on 1.38 - 0.1 ohm, thesis 3.4.3"),
         Constant("COILS_AT_ONCE", _COIL_CURRENT_MA // worst_coil_ma, "", "coil current over the worst coil's"),
         Constant("PULSE_QUEUE", 64, "pulses", "a setting"),
-        Constant("LEAST_SUPPLY_MV", 3000, "mV", "a setting"),
+        Constant("MIN_SUPPLY_MV", 3000, "mV", "a setting"),
         Constant("ON_TIME_MS", 2500, "ms", f"of account: 30.4 K on a nominal tactor, {page}"),
         Constant("HEAT_SHIFT", _HEAT_SHIFT, "", "an account loses 2^-12 of itself each"),
         Constant("HEAT_STEP_TICKS", _ticks(heat_step_s), "ticks", f"a time constant of {THERMAL.tau_s:g} s, thesis 3.5.2"),
@@ -86,10 +86,10 @@ def constants_header() -> str:
         Constant("COIL_CURRENT_TICKS", _ticks(2e-3), "ticks", f"2 ms, {page}"),
     )
     brake = (
-        Constant("GREATEST_V", round(GREATEST_VOLTS), "V", "thesis 4.7.3"),
+        Constant("MAX_V", round(MAX_VOLTS), "V", "thesis 4.7.3"),
         Constant("SUPPLY_CURRENT_UA", round(DRIVE.supply_current_a * 1e6), "uA", "thesis 4.4.3"),
-        Constant("GREATEST_DHZ", round(DRIVE.bridge_hz * 10), "0.1 Hz", "thesis 4.4.3"),
-        Constant("LEAST_DHZ", 5, "0.1 Hz", f"a reversal each second, {page}"),
+        Constant("MAX_DHZ", round(DRIVE.bridge_hz * 10), "0.1 Hz", "thesis 4.4.3"),
+        Constant("MIN_DHZ", 5, "0.1 Hz", f"a reversal each second, {page}"),
         Constant("LONGEST_TTL_MS", 2000, "ms", "a setting"),
         Constant("DRIVE_QUEUE", 8, "drives", page),
         Constant("BURST_QUEUE", 8, "piezo bursts", page),

@@ -11,7 +11,7 @@ from haptics.errors import InputError
 from haptics.link.messages import Board
 from haptics.physics.brake.parameters import capacitance_f
 
-_GREATEST_PF = 0xFFFF
+_MAX_PF = 0xFFFF
 
 
 class CoreSettings(NamedTuple):
@@ -28,21 +28,21 @@ def core_settings(kind: Board, options: Mapping[str, Any]) -> CoreSettings:
     """
     if kind == Board.BRAKE:
         return CoreSettings(BrakeBoard.built_limits(options), _nominal_pf(options))
-    most_a = TactilesBoard.options()["current_limit_a"].default
-    if options["current_limit_a"] > most_a:
+    max_a = TactilesBoard.options()["current_limit_a"].default
+    if options["current_limit_a"] > max_a:
         raise InputError(
             f"current_limit_a = {options['current_limit_a']:g} A is not allowed with core = {options['core']}: the firmware is "
-            f"built for {most_a:g} A and takes stricter limits only; allowed: 0 to {most_a:g} A, or core=py"
+            f"built for {max_a:g} A and takes stricter limits only; allowed: 0 to {max_a:g} A, or core=py"
         )
     return CoreSettings(TactilesBoard.built_limits(options), 0)
 
 
 def _nominal_pf(options: Mapping[str, Any]) -> int:
     nominal_pf = round(1e12 * capacitance_f(options["overlap_m2"], options["thickness_m"], options["permittivity"]))
-    if not 1 <= nominal_pf <= _GREATEST_PF:
+    if not 1 <= nominal_pf <= _MAX_PF:
         raise InputError(
             f"overlap_m2 = {options['overlap_m2']:g} m2 is not allowed with core = {options['core']}: with this thickness and "
-            f"permittivity a brake has {nominal_pf} pF, and the firmware's setting goes from 1 to {_GREATEST_PF} pF; "
+            f"permittivity a brake has {nominal_pf} pF, and the firmware's setting goes from 1 to {_MAX_PF} pF; "
             "allowed: another geometry, or core=py"
         )
     return nominal_pf

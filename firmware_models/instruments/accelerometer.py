@@ -41,7 +41,7 @@ BANDWIDTH_SD = 0.05  # assumed: scatter of the low-pass from part to part
 GAIN_SD = 0.01  # data sheet: typical deviation from ideal sensitivity
 OFFSET_SD_G = 0.05  # data sheet: 0 g offset, 35 mg typical, 150 mg at most
 CLOCK_SD = 0.005  # assumed: the sensor's own oscillator, which the data sheet does not specify
-DELAY_S, DELAY_SD_S, LEAST_DELAY_S = 0.3e-3, 0.05e-3, 0.1e-3  # assumed: from a sample to the first bit of its line
+DELAY_S, DELAY_SD_S, MIN_DELAY_S = 0.3e-3, 0.05e-3, 0.1e-3  # assumed: from a sample to the first bit of its line
 SWING_HZ = math.sqrt(STANDARD_GRAVITY_M_S2) / (2.0 * math.pi)  # of a pendulum of 1 m (3.5.1)
 FREQUENCY_SCATTER, AMPLITUDE_SCATTER = 0.04, 0.03  # assumed: sd from landing to landing, as shares
 PHASE_SCATTER_RAD = 0.8  # assumed: sd about a ring that begins at its greatest
@@ -77,9 +77,7 @@ class Accelerometer(Instrument):
             "gain": Option(None, f"reading over truth; default drawn, sd {GAIN_SD:g}", "", 0.5, 2.0),
             "offset_g": Option(None, f"reading at rest; default drawn, sd {OFFSET_SD_G:g}", "g", -1.0, 1.0),
             "swing_g": Option(0.02, "amplitude of the pendulum's slow swing", "g", 0.0, 1.0),
-            "delay_s": Option(
-                None, f"from sample to line; default drawn, {DELAY_S:g}, sd {DELAY_SD_S:g}", "s", LEAST_DELAY_S, 0.1
-            ),
+            "delay_s": Option(None, f"from sample to line; default drawn, {DELAY_S:g}, sd {DELAY_SD_S:g}", "s", MIN_DELAY_S, 0.1),
             "ring_hz": Option(620.0, "mean frequency of the ring", "Hz", 10.0, 5000.0),
             "partial": Option(PARTIAL_SHARE, "second partial of the ring over the first", "", 0.0, 1.0),
             "skin_share": Option(0.3, "recoil of a landing on the skin side over that on the off side (assumed)", "", 0.0, 10.0),
@@ -97,7 +95,7 @@ class Accelerometer(Instrument):
         self.offset_g = OFFSET_SD_G * offset if options["offset_g"] is None else options["offset_g"]
         drawn_hz = 0.5 * options["rate_hz"] * (1.0 + BANDWIDTH_SD * bandwidth)
         self.bandwidth_hz = drawn_hz if options["bandwidth_hz"] is None else options["bandwidth_hz"]
-        drawn_s = max(LEAST_DELAY_S, DELAY_S + DELAY_SD_S * delay)
+        drawn_s = max(MIN_DELAY_S, DELAY_S + DELAY_SD_S * delay)
         self._delay_ns = round(1e9 * (drawn_s if options["delay_s"] is None else options["delay_s"]))
         self._landing_rng, self._drop_rng = self.rng.spawn(2)
         self._rings: deque[_Ring] = deque()

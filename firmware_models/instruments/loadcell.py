@@ -22,7 +22,7 @@ ZERO_SD_SHARE = 0.005  # assumed: of full scale, what hangs on the cell included
 DRIFT_SD_N_MIN = 1e-3  # assumed
 STOP_SHARE = 1.2
 COUNTS_AT_FULL_SCALE = 5e6
-_GREATEST_COUNT = (1 << 23) - 1
+_MAX_COUNT = (1 << 23) - 1
 
 
 class LoadCell(Instrument):
@@ -85,4 +85,4 @@ class LoadCell(Instrument):
         true_n = min(max(pull_n, -self._stop_n), self._stop_n)
         noise_n = self.settings["noise_n"] * float(self.rng.standard_normal())
         counts = round((self.gain * true_n + self.zero_n + self.drift_n_s * since_s + noise_n) * self.counts_per_n)
-        return min(max(counts, -_GREATEST_COUNT - 1), _GREATEST_COUNT)
+        return min(max(counts, -_MAX_COUNT - 1), _MAX_COUNT)

@@ -62,13 +62,13 @@ def latch(
 
     outcome = plain(switch(pulse_ms / 1e3, volts, direction, rise_k, level))
     arrival_s = outcome.pop("arrival_s")
-    least_s = outcome.pop("least_pulse_s")
+    min_s = outcome.pop("min_pulse_s")
     answer = {
         "switched": outcome.pop("switched"),
         "arrival_ms": None if arrival_s is None else arrival_s * 1e3,
         "impact_m_s": outcome.pop("impact_m_s"),
         "energy_j": outcome.pop("energy_j"),
-        "least_pulse_ms": None if least_s is None else least_s * 1e3,
+        "min_pulse_ms": None if min_s is None else min_s * 1e3,
         **outcome,
     }
     _answer("one pulse", answer, json)

@@ -36,7 +36,7 @@ KNEE_REACH_M = 0.18
 """How far the knee sleeve reaches from the knee, up and down. Assumed."""
 SHORT_SLEEVE, SHORTS_LEG = 0.5, 0.85
 """Where the shirt's sleeves and the legs of the shorts end, along the upper arm and the upper leg. Assumed."""
-_FEWEST, _MOST = 0.83, 1.1
+_FEWEST, _MAX = 0.83, 1.1
 """Of a level's vertices: a mesh with fewer is subdivided, one with more is made coarser."""
 
 
@@ -127,7 +127,7 @@ def cut_garment(body: Body, name: str, level: str = "draft") -> Garment:
     while weights.shape[0] < LEVELS[level] * _FEWEST:
         finer, triangles = loop(triangles, weights.shape[0])
         weights = finer @ weights
-    if weights.shape[0] > LEVELS[level] * _MOST:
+    if weights.shape[0] > LEVELS[level] * _MAX:
         fewer, triangles = coarsened(weights @ body.straight_m, triangles, LEVELS[level])
         weights = fewer @ weights
     mesh = checked_mesh(weights @ body.straight_m, triangles, f"{name} on body {body.name}")

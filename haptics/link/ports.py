@@ -43,7 +43,7 @@ _ALLOWED = (
     "sim://tactiles, sim://brake and others (haptics ports lists them), a device (/dev/ttyACM0, COM3), socket://HOST:PORT, "
     "rfc2217://HOST:PORT, hwgrep://TEXT, loop://"
 )
-_MOST_BYTES = 1024
+_MAX_BYTES = 1024
 """Taken from a port at one go where it does not say how much waits: 20 ms of a line at 500 kbaud."""
 
 if BOARDS_PACKAGE not in serial.protocol_handler_packages:
@@ -157,7 +157,7 @@ def read_waiting(port: BytePort) -> bytes:
     if count != 1:
         return port.read(count) if count else b""
     parts: list[bytes] = []
-    while count and len(parts) < _MOST_BYTES:
+    while count and len(parts) < _MAX_BYTES:
         parts.append(port.read(count))
         count = port.in_waiting if parts[-1] else 0
     return b"".join(parts)

@@ -46,7 +46,7 @@ class Who:
 class Look:
     """How a link is now. Counts are since the watch began; ``late_commands`` is the board's own, since its boot.
 
-    ``least_lead_ms``: a timed command is sure to be early enough if it is sent so long before its time: twice the clock's error
+    ``min_lead_ms``: a timed command is sure to be early enough if it is sent so long before its time: twice the clock's error
     bound (no exchange took longer on its way than that) and what the longest command takes on the line. What a program plans
     ahead beyond it is its margin.
     """
@@ -60,7 +60,7 @@ class Look:
     faults: list[str]
     clock_error_bound_us: float
     clock_skew_ppm: float
-    least_lead_ms: float
+    min_lead_ms: float
     telemetry: int
     telemetry_missed: int
     telemetry_hz: float
@@ -215,7 +215,7 @@ class Monitor:
             faults=[_fault_name(bit) for bit in range(16) if last and last.faults >> bit & 1],
             clock_error_bound_us=fit.error_bound_s(now_ns) * 1e6 if fit else float("nan"),
             clock_skew_ppm=fit.skew * 1e6 if fit else float("nan"),
-            least_lead_ms=1e3 * (2 * fit.error_bound_s(now_ns) + _LONGEST_COMMAND * BITS_PER_BYTE / self._baud)
+            min_lead_ms=1e3 * (2 * fit.error_bound_s(now_ns) + _LONGEST_COMMAND * BITS_PER_BYTE / self._baud)
             if fit
             else float("nan"),
             telemetry=self._telemetry,

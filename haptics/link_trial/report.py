@@ -28,7 +28,7 @@ class StressReport:
     """``sent = acknowledged + refused + unknown_outcomes``.
 
     ``refused``: by the board with a reply (of them ``late``: its time had passed), or by the host before sending.
-    ``unknown_outcomes``: given up without a reply. ``least_margin_ms``: the shortest time that an acknowledged command lay ahead
+    ``unknown_outcomes``: given up without a reply. ``min_margin_ms``: the shortest time that an acknowledged command lay ahead
     when the board dealt with it. ``retried``: repetitions. ``pulses``: outputs that acknowledged commands put on. ``lost``:
     acknowledged, and never played though nothing disarmed the board. ``disarmed``: how often the board
     disarmed itself and was armed again; ``disarmed_because``: what it said, each time it said so. None where this port cannot
@@ -47,7 +47,7 @@ class StressReport:
     refused: int
     unknown_outcomes: int
     late: int
-    least_margin_ms: float | None
+    min_margin_ms: float | None
     retried: int
     pulses: int
     lost: int | None

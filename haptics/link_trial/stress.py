@@ -128,7 +128,7 @@ class _Trial:
         self._contradictions = 0  # played though refused
         self._disarmed = 0
         self._too_short = 0
-        self._least_margin_ns = NEVER_NS
+        self._min_margin_ns = NEVER_NS
 
     # The run.
 
@@ -220,7 +220,7 @@ class _Trial:
             if pending.ok:
                 counts["acknowledged"] += 1
                 if pending.board_time_ns is not None:
-                    self._least_margin_ns = min(self._least_margin_ns, one.command.start_ns - pending.board_time_ns)
+                    self._min_margin_ns = min(self._min_margin_ns, one.command.start_ns - pending.board_time_ns)
                 counts["pulses"] += len(one.command.outputs)
                 counts["lost"] += self._observed is not None and not one.void and played < len(one.command.outputs)
                 continue
@@ -361,7 +361,7 @@ class _Trial:
             refused=counts["refused"],
             unknown_outcomes=counts["unknown"],
             late=counts["late"],
-            least_margin_ms=self._least_margin_ns / NS_PER_MS if counts["acknowledged"] else None,
+            min_margin_ms=self._min_margin_ns / NS_PER_MS if counts["acknowledged"] else None,
             retried=self._link.session.counters.retries,
             pulses=counts["pulses"],
             lost=lost,

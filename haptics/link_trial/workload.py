@@ -70,14 +70,14 @@ class _OnTime:
     """Of the limit: board and host charge at other moments, by other clocks."""
 
     def __init__(self, limit_ms: int, heat: Sequence[int], now_ns: int):
-        self._most_ms, self._at_ns = self._SHARE * limit_ms, now_ns
+        self._max_ms, self._at_ns = self._SHARE * limit_ms, now_ns
         self._accounts_ms = [float(HEAT_UNIT_MS * one) for one in heat]
 
     def room(self, now_ns: int) -> list[int]:
         """Of each coil, in 50 us."""
         kept = exp((self._at_ns - now_ns) / NS_PER_S / self._TAU_S)
         self._accounts_ms, self._at_ns = [kept * one for one in self._accounts_ms], now_ns
-        return [max(int((self._most_ms - one) * NS_PER_MS / NS_PER_US / DURATION_UNIT_US), 0) for one in self._accounts_ms]
+        return [max(int((self._max_ms - one) * NS_PER_MS / NS_PER_US / DURATION_UNIT_US), 0) for one in self._accounts_ms]
 
     def charge(self, channel: int, duration: int) -> None:
         """A pulse, in 50 us; after ``room``."""

@@ -8,14 +8,14 @@ from haptics.meshes.files import FORMATS, LARGEST_TRIANGLES, check_arrays, read_
 from haptics.meshes.fitting import Fit, best_fit
 from haptics.meshes.frame import AXES, UNITS, WORDS, Kind, SizeFault, extent_of, in_frame, other_unit, size_fault
 from haptics.meshes.holes import capped, holes, holes_in_words
-from haptics.meshes.orientation import MOST_PIECES, outward, pieces_of
+from haptics.meshes.orientation import MAX_PIECES, outward, pieces_of
 from haptics.meshes.winding import winding_number
 
 __all__ = [
     "AXES",
     "FORMATS",
     "LARGEST_TRIANGLES",
-    "MOST_PIECES",
+    "MAX_PIECES",
     "UNITS",
     "WORDS",
     "Fit",

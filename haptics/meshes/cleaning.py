@@ -22,11 +22,11 @@ WELD_EDGES = 0.1
 """... but never nearer than this part of the usual edge, so that a fine mesh keeps its triangles."""
 
 
-def cleaned(vertices: Floats, triangles: Ints, least_area: float) -> tuple[Floats, Ints, list[str]]:
+def cleaned(vertices: Floats, triangles: Ints, min_area: float) -> tuple[Floats, Ints, list[str]]:
     """The surface without copied and unused vertices, triangles without area and those given twice, all facing one way.
 
     :param vertices: ``(v, 3)``, finite. :param triangles: ``(t, 3)``, of these vertices.
-    :param least_area: a triangle below it, in the square of the vertices' unit, has none.
+    :param min_area: a triangle below it, in the square of the vertices' unit, has none.
     :return: vertices, triangles, and what was done, in words; a surface of nothing but flat triangles comes out empty.
     """
     notes: list[str] = []
@@ -36,7 +36,7 @@ def cleaned(vertices: Floats, triangles: Ints, least_area: float) -> tuple[Float
     distinct = _once(triangles)  # before edges are counted: copies would close what is open
     apart = distinct[_corners_apart(distinct)]
     tolerance = _tolerance(vertices, apart)
-    solid, flat = _without_flat(vertices, _welded(vertices, apart, tolerance, notes), tolerance, least_area)
+    solid, flat = _without_flat(vertices, _welded(vertices, apart, tolerance, notes), tolerance, min_area)
     single = _once(solid)
     without_area = len(distinct) - len(apart) + flat
     if without_area:
@@ -90,10 +90,10 @@ def _first_of(pairs: Ints, count: int) -> Ints:
     return first[label]
 
 
-def _flat(vertices: Floats, triangles: Ints, least_area: float) -> Bools:
+def _flat(vertices: Floats, triangles: Ints, min_area: float) -> Bools:
     corners = vertices[triangles]
     twice_area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-    return twice_area <= 2.0 * least_area
+    return twice_area <= 2.0 * min_area
 
 
 def _corners_apart(triangles: Ints) -> Bools:
@@ -101,19 +101,19 @@ def _corners_apart(triangles: Ints) -> Bools:
     return (a != b) & (b != c) & (c != a)
 
 
-def _without_flat(vertices: Floats, triangles: Ints, tolerance: float, least_area: float) -> tuple[Ints, int]:
+def _without_flat(vertices: Floats, triangles: Ints, tolerance: float, min_area: float) -> tuple[Ints, int]:
     """The triangles without those that are flat, and how many these were.
 
     Flat ones with a side that is next to nothing shrink to an edge, and so does what lies across that side.
     """
-    flat = _flat(vertices, triangles, least_area)
+    flat = _flat(vertices, triangles, min_area)
     if not flat.any():
         return triangles, 0
     half = half_edges(triangles[flat])
     short = np.linalg.norm(vertices[half[:, 0]] - vertices[half[:, 1]], axis=1) <= tolerance
     if short.any():
         triangles = _first_of(half[short], len(vertices))[triangles]
-        flat = _flat(vertices, triangles, least_area)
+        flat = _flat(vertices, triangles, min_area)
     return unfolded(vertices, triangles, flat), int(flat.sum())
 
 

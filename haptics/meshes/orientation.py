@@ -11,7 +11,7 @@ from haptics.meshes.winding import winding_number
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-MOST_PIECES = 10_000
+MAX_PIECES = 10_000
 """Of more, it takes minutes to find which lies within which; a mesh of so many is a heap of loose triangles."""
 
 

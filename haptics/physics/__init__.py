@@ -1,7 +1,7 @@
 """Models of the devices: one phenomenon a file, pure functions over frozen parameters, no clock, no input or output."""
 
 from haptics.physics.brake.bank import BrakeBank
-from haptics.physics.brake.charging import DriveParameters, greatest_frequency_hz, rise_time_s, supply_power_w
+from haptics.physics.brake.charging import DriveParameters, max_frequency_hz, rise_time_s, supply_power_w
 from haptics.physics.brake.contact import ContactLag, ContactParameters, lagged
 from haptics.physics.brake.finger import FingerParameters
 from haptics.physics.brake.force_laws import ClosingGapLaw, ForceLaw, IdealLaw, ThresholdLaw, default_law, force_law
@@ -14,7 +14,7 @@ from haptics.physics.brake.system import BrakeSystem
 from haptics.physics.latch.bank import LatchBank
 from haptics.physics.latch.parameters import LatchParameters
 from haptics.physics.latch.plant import LatchEvent, LatchPlant
-from haptics.physics.latch.pulse import LatchOutcome, latch_plant, least_pulse_s, switch, travel_s
+from haptics.physics.latch.pulse import LatchOutcome, latch_plant, min_pulse_s, switch, travel_s
 from haptics.physics.latch.recoil import RecoilParameters, predict_recoil
 from haptics.physics.parameters import ParameterRow, Parameters, parameter, provenance
 from haptics.physics.piezo import PiezoParameters
@@ -54,10 +54,10 @@ __all__ = [
     "capacitance_f",
     "default_law",
     "force_law",
-    "greatest_frequency_hz",
     "lagged",
     "latch_plant",
-    "least_pulse_s",
+    "max_frequency_hz",
+    "min_pulse_s",
     "parameter",
     "predict_brake",
     "predict_recoil",

@@ -18,7 +18,7 @@ from haptics.errors import InputError
 
 _NAME = re.compile(r"[a-z][a-z0-9_]*")
 _KINDS = "biufSV"
-_MOST_AXES = 16
+_MAX_AXES = 16
 _WORDS = {"b": "boolean", "i": "integer", "u": "unsigned integer", "f": "float", "S": "text", "V": "bytes"}
 BLOB_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,254}")
 """What an attachment may be called."""
@@ -119,10 +119,10 @@ def _packed(stream: str, dtype: np.dtype[Any]) -> np.dtype[np.void]:
         base, shape = field_type(dtype, name)
         if not _NAME.fullmatch(name):
             raise InputError(f"stream {stream}: field = {name!r}; allowed: lower-case letters, digits and _")
-        if base.kind not in _KINDS or base.names or not base.itemsize or 0 in shape or len(shape) > _MOST_AXES:
+        if base.kind not in _KINDS or base.names or not base.itemsize or 0 in shape or len(shape) > _MAX_AXES:
             raise InputError(
                 f"stream {stream}: field {name} has type {base}{list(shape)}; allowed: integers, floats, booleans, "
-                f"fixed-length bytes (S16, V64), and fixed arrays of these, of up to {_MOST_AXES} axes"
+                f"fixed-length bytes (S16, V64), and fixed arrays of these, of up to {_MAX_AXES} axes"
             )
         columns.append((name, base.newbyteorder("<"), shape))
     return np.dtype(columns)

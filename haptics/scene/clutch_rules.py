@@ -102,14 +102,14 @@ class SelectiveResistance:
     """Resistance training: the direction of the signal's motion chooses which clutches resist; the opposing ones are free.
 
     ``rising`` resists while the angle grows (flexion), ``falling`` while it shrinks (extension). Below
-    ``least_rate_rad_s`` the last choice stays, as a clutch that has stopped the motion must keep holding it.
+    ``min_rate_rad_s`` the last choice stays, as a clutch that has stopped the motion must keep holding it.
     """
 
     __pydantic_config__: ClassVar[dict] = _STRICT_FIELDS
     signal: str
     rising: tuple[str, ...]
     falling: tuple[str, ...]
-    least_rate_rad_s: float = 0.1
+    min_rate_rad_s: float = 0.1
     kind: Literal["selective_resistance"] = "selective_resistance"
 
     def __post_init__(self) -> None:
@@ -117,7 +117,7 @@ class SelectiveResistance:
         _check_clutches(self.kind, self.falling)
         if both := set(self.rising) & set(self.falling):
             raise InputError(f"clutches {sorted(both)} are in rising and in falling; allowed: in one, or the limb is locked")
-        in_range("least_rate_rad_s", self.least_rate_rad_s, 0.0, 20.0, "rad/s")
+        in_range("min_rate_rad_s", self.min_rate_rad_s, 0.0, 20.0, "rad/s")
 
     @property
     def clutches(self) -> tuple[str, ...]:
@@ -217,9 +217,9 @@ class _SelectiveResistance:
         reading = state.signals.read(self._rule.signal, state.time_ns)
         if reading is None:
             self._engaged = _NONE
-        elif reading[1] > self._rule.least_rate_rad_s:
+        elif reading[1] > self._rule.min_rate_rad_s:
             self._engaged = frozenset(self._rule.rising)
-        elif reading[1] < -self._rule.least_rate_rad_s:
+        elif reading[1] < -self._rule.min_rate_rad_s:
             self._engaged = frozenset(self._rule.falling)
         return self._engaged
 

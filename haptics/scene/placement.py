@@ -22,7 +22,7 @@ from haptics.scene.sites import TIP_RADIUS_M
 from haptics.time import NS_PER_S
 from haptics.units import one_of
 
-LEAST_FALL_M = 0.05
+MIN_FALL_M = 0.05
 CLOSED_SHARE = 0.4
 SPAN_SHARE = 0.5
 TURN_M = 0.01
@@ -48,7 +48,7 @@ class Stroke:
     @property
     def qualifies(self) -> bool:
         """Whether it is wide and tight enough to be taken for a grasp."""
-        return self.d_max_m - self.d_min_m >= LEAST_FALL_M and self.d_min_m < CLOSED_SHARE * self.d_max_m
+        return self.d_max_m - self.d_min_m >= MIN_FALL_M and self.d_min_m < CLOSED_SHARE * self.d_max_m
 
     @property
     def span_m(self) -> float:

@@ -59,5 +59,5 @@ class CoilHeat:
         """
         in_range("account_s", account_s, 0.0, math.inf, "s")
         slowness = max(1.0, self.parameters.tau_s / BOARD_TAU_S)
-        most_s = max(account_s, BUILT_ON_TIME_S)
-        return self.jump_k_per_s * most_s * slowness * (account_s / most_s) ** (1.0 / slowness)
+        max_s = max(account_s, BUILT_ON_TIME_S)
+        return self.jump_k_per_s * max_s * slowness * (account_s / max_s) ** (1.0 / slowness)

@@ -14,7 +14,7 @@ import math
 
 from haptics.errors import InputError
 from haptics.physics.thermal.one_node import DEFAULT_LIMIT_K, PULSE_ENERGY_J, THERMAL, ThermalParameters, pulse_rise_k, relax
-from haptics.physics.thermal.trains import GUARD, allowed_now, first_denied_index, least_spacing_s, wait_s
+from haptics.physics.thermal.trains import GUARD, allowed_now, first_denied_index, min_spacing_s, wait_s
 from haptics.time import NS_PER_S
 from haptics.units import in_range
 
@@ -87,9 +87,9 @@ class ThermalBudget:
         """Pulses allowed in a row, one now and one every ``spacing_s``; None: as many as one likes."""
         return first_denied_index(self._jump_k(energy_j), spacing_s, self.limit_k, self._look_ahead(now_ns), self.parameters)
 
-    def least_spacing_s(self, energy_j: float = PULSE_ENERGY_J) -> float:
+    def min_spacing_s(self, energy_j: float = PULSE_ENERGY_J) -> float:
         """Least spacing that can be kept up for ever, ``-tau ln(1 - jump/limit)``; infinite if one pulse is too many."""
-        return least_spacing_s(self._jump_k(energy_j), self.limit_k, self.parameters)
+        return min_spacing_s(self._jump_k(energy_j), self.limit_k, self.parameters)
 
     def wait_s(self, count: int, now_ns: int, energy_j: float = PULSE_ENERGY_J) -> float:
         """Time until ``count`` pulses are allowed at once, ``tau ln(rise / (limit - count jump))``; infinite if never."""

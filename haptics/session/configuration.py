@@ -19,7 +19,7 @@ from haptics.link.limits import Wanted
 from haptics.link.messages import BRAKE_CHANNELS, COIL_CHANNELS, DEFAULT_BAUD, DURATION_UNIT_US
 from haptics.link.ports import check_port
 from haptics.physics.brake.force_laws import ForceLaw, ThresholdLaw, default_law
-from haptics.physics.brake.parameters import BRAKE, GREATEST_VOLTS
+from haptics.physics.brake.parameters import BRAKE, MAX_VOLTS
 from haptics.physics.latch.pulse import PULSE_BACK_S, PULSE_TOWARD_S, TRAIN_BACK_S, TRAIN_TOWARD_S
 from haptics.physics.thermal.one_node import THERMAL, WORST_PULSE_POWER_W, bounding
 from haptics.scene.sites import SITES
@@ -155,9 +155,7 @@ class BrakeConfiguration(_Part):
     clutch_amplitude_v: Annotated[float, Field(ge=0, le=1500)] = Field(default=350.0, description="garment clutch, V (6.3.3)")
     frequency_hz: Annotated[float, Field(ge=1, le=1000)] = Field(default=20.0, description="bipolar square wave, Hz (4.5.2)")
     ttl_s: Annotated[float, Field(ge=0.02, le=1.0)] = Field(default=0.2, description="volts fall by themselves after this, s")
-    max_amplitude_v: Annotated[float, Field(ge=1, le=GREATEST_VOLTS)] = Field(
-        default=GREATEST_VOLTS, description="limit whoever asks, V"
-    )
+    max_amplitude_v: Annotated[float, Field(ge=1, le=MAX_VOLTS)] = Field(default=MAX_VOLTS, description="limit whoever asks, V")
     max_frequency_hz: Annotated[float, Field(ge=1, le=1000)] = Field(default=1000.0, description="limit whoever asks, Hz")
     max_charge_c: Annotated[float, Field(ge=1e-7, le=45e-6)] = Field(default=45e-6, description="limit of the stored charge, C")
     overlap_m2: Annotated[float, Field(ge=1e-6, le=0.1)] = Field(default=11e-4, description="strip overlap, m² (4.7.1)")

@@ -75,15 +75,15 @@ class Session:
         self.results: list[Result] = []
         self.events: list[LoopEvent] = []
         self.leads = device_leads(configuration, scene)
-        most_v = math.inf if glove.brakes is None else glove.brakes.max_amplitude_v
+        max_v = math.inf if glove.brakes is None else glove.brakes.max_amplitude_v
         self.loop = RenderLoop(
             scene,
             nominal_sites(),
             glove.tactiles,
             glove.brakes,
             self.leads,
-            brake_amplitude_v=min(configuration.brake.amplitude_v, most_v),
-            clutch_amplitude_v=min(configuration.brake.clutch_amplitude_v, most_v),
+            brake_amplitude_v=min(configuration.brake.amplitude_v, max_v),
+            clutch_amplitude_v=min(configuration.brake.clutch_amplitude_v, max_v),
             tick_ns=NS_PER_S // configuration.tick_hz,
             side=None if configuration.side == "auto" else configuration.side,
         )

@@ -54,7 +54,7 @@ _LANDS_S = 0.5e-3
 
 MEASUREMENTS = {
     **SET_UP,
-    "greatest_g": Measurement("greatest_g", "g", LOOSE_G, 16.0, "greatest acceleration; less: the accelerometer is loose"),
+    "max_g": Measurement("max_g", "g", LOOSE_G, 16.0, "greatest acceleration; less: the accelerometer is loose"),
     "contact_landings": Measurement("contact_landings", "1", 0.9, 1.0, "landings felt for each return in contact mode"),
     "highest_rate_hz": Measurement("highest_rate_hz", "Hz", 200.0, 200.0, "highest rate that came whole (3.5.2)"),
     "ring_left": Measurement("ring_left", "1", 0.0, 0.3, "what still rings at the next landing; more: landings hide, use foam"),
@@ -77,7 +77,7 @@ class FrequencyRun:
     """Pulse mode, then the trains, slowest first."""
     measured: Mapping[str, Measured]
     dip: float | None
-    greatest_g: float
+    max_g: float
     seen: tuple[tuple[int, float, float], ...]
     """Time (ns), current (A), volts of telemetry that saw the coil on."""
     scheduler: Mapping[str, Any]
@@ -133,11 +133,11 @@ def evaluate(record: FrequencyRun) -> RigResult:
     """Faults, or what was delivered, from what was recorded."""
     values = dict(record.measured)
     faults = faults_of_set_up(values)
-    values["greatest_g"] = Measured(MEASUREMENTS["greatest_g"], record.greatest_g)
+    values["max_g"] = Measured(MEASUREMENTS["max_g"], record.max_g)
     contact_share = record.contact.landings / len(record.contact.late_s)
     values["contact_landings"] = Measured(MEASUREMENTS["contact_landings"], contact_share)
-    if not faults and record.greatest_g < LOOSE_G:
-        faults = [fault_of_silence(record.greatest_g, record.dip)]
+    if not faults and record.max_g < LOOSE_G:
+        faults = [fault_of_silence(record.max_g, record.dip)]
     if not faults and not values["contact_landings"].within:
         faults = [_misses(f"{100 * (1.0 - contact_share):.0f} % of the returns of 10 ms")]
     trains = record.others[1:]

@@ -188,14 +188,14 @@ def felt(samples: Samples, played: Played, earliest_s: float, lands: float = LAN
     return _with_rate(Delivered(played, cycle, late_s, ring_left, found[0].period_s))
 
 
-def loud_samples(trace: Trace, least_g: float, low: int, high: int) -> NDArray[np.bool_]:
+def loud_samples(trace: Trace, min_g: float, low: int, high: int) -> NDArray[np.bool_]:
     """For each sample from ``low`` to ``high``: whether something new begins to ring there, or has just begun.
 
-    :param least_g: what is quieter than this is none, whatever came before.
+    :param min_g: what is quieter than this is none, whatever came before.
     """
     loudness = np.abs(trace.g)
     before_g = np.max([loudness[max(low - k, 0) : max(high - k, 0)] for k in _BEFORE], axis=0)
-    return loudness[low:high] > np.maximum(max(LOUD_SDS * trace.noise_g, least_g), RINGS_ON * before_g)
+    return loudness[low:high] > np.maximum(max(LOUD_SDS * trace.noise_g, min_g), RINGS_ON * before_g)
 
 
 def jitter(one: Delivered, others: Sequence[Delivered]) -> Quantity:

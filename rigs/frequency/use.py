@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from haptics.physics.thermal.one_node import DEFAULT_LIMIT_K, THERMAL
-from haptics.physics.thermal.trains import least_spacing_s
+from haptics.physics.thermal.trains import min_spacing_s
 from haptics.time import seconds_to_ns
 from rigs.bench import Bench
 from rigs.coil_current import POWER_SD
@@ -54,13 +54,13 @@ def burst_use(played: Played, seen: list[tuple[int, float, float]]) -> dict[str,
     energy_j = mean_w * train.on_s
     rise_k = THERMAL.c_k_per_w * energy_j / EVERY_S
     c_sd = THERMAL.c_sd_k_per_w / THERMAL.c_k_per_w
-    spacing_s = least_spacing_s(energy_j, DEFAULT_LIMIT_K, THERMAL)
+    spacing_s = min_spacing_s(energy_j, DEFAULT_LIMIT_K, THERMAL)
     with_c = quadrature((share_sd, c_sd))
     return {
         "burst_energy_j": Quantity(energy_j, energy_j * share_sd, "J"),
         "burst_power_w": Quantity(energy_j / EVERY_S, energy_j / EVERY_S * share_sd, "W"),
         "burst_rise_k": Quantity(rise_k, rise_k * with_c, "K"),
-        "least_burst_interval_s": Quantity(spacing_s, spacing_s * with_c, "s"),
+        "min_burst_interval_s": Quantity(spacing_s, spacing_s * with_c, "s"),
     }
 
 

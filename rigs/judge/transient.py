@@ -35,10 +35,10 @@ class Transient:
             points.append(f"{at_s - 0.5 * self.edge_s!r} {before!r} {at_s + 0.5 * self.edge_s!r} {after!r}")
         return f"PWL({' '.join(points)})"
 
-    def lines(self, full_charge: float, least_current_a: float) -> list[str]:
+    def lines(self, full_charge: float, min_current_a: float) -> list[str]:
         """Options and analysis. ``full_charge``: greatest charge (or flux) stored, the scale of each step's truncation."""
         return [
-            f".options reltol={RELATIVE_TOLERANCE} abstol={least_current_a:.3g} vntol=1e-6 chgtol={full_charge:.6g}",
+            f".options reltol={RELATIVE_TOLERANCE} abstol={min_current_a:.3g} vntol=1e-6 chgtol={full_charge:.6g}",
             ".options gmin=1e-15 trtol=1 method=trap",
             f".tran {self.longest_s!r} {self.end_s!r} 0 {self.longest_s!r} uic",
             ".end",

@@ -52,7 +52,7 @@ class Ring:
     tau_s: float
     hertz: float
     amplitude_g: float
-    greatest_g: float
+    max_g: float
 
 
 @dataclass(frozen=True)
@@ -75,14 +75,14 @@ class SurfaceFit:
         """What was measured on this surface, named after it."""
         tau_s, tau_sd_s = _mean([ring.tau_s for ring in self.rings])
         peak_g, peak_sd_g = _mean([ring.amplitude_g for ring in self.rings])
-        top_g, top_sd_g = _mean([ring.greatest_g for ring in self.rings])
+        top_g, top_sd_g = _mean([ring.max_g for ring in self.rings])
         hertz, hertz_sd = _mean([ring.hertz for ring in self.rings])
         name = self.surface
         return {
             f"tau_{name}_s": Quantity(tau_s, quadrature((tau_sd_s, tau_s * RATE_SD)), "s"),
             f"peak_g_{name}": Quantity(peak_g, quadrature((peak_sd_g, peak_g * self.peak_known)), "g"),
             f"tau_{name}_thesis_method_s": Quantity(self.average.tau_s, self.average.tau_sd_s, "s"),
-            f"greatest_g_{name}": Quantity(top_g, quadrature((top_sd_g, top_g * GAIN_SD)), "g"),
+            f"max_g_{name}": Quantity(top_g, quadrature((top_sd_g, top_g * GAIN_SD)), "g"),
             f"ring_hz_{name}": Quantity(hertz, quadrature((hertz_sd, hertz * RATE_SD)), "Hz"),
         }
 

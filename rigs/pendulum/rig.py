@@ -53,7 +53,7 @@ _MOVING_S, _RESTING_S = (3.45e-3, 4.35e-3), (7.2e-3, 9.5e-3)
 MEASUREMENTS = {
     **SET_UP,
     "landings": Measurement("landings", "1", 0.9, 1.0, "landings felt for each return of the pin"),
-    "greatest_g": Measurement("greatest_g", "g", LOOSE_G, 16.0, "greatest acceleration; less: the accelerometer is loose"),
+    "max_g": Measurement("max_g", "g", LOOSE_G, 16.0, "greatest acceleration; less: the accelerometer is loose"),
     "reduced_chi2": Measurement("reduced_chi2", "1", 0.0, 3.0, "a decaying ring of one frequency describes a landing"),
 }
 
@@ -192,12 +192,12 @@ def _look(surface: str, found: list[Trace], dip: float | None, measured: Mapping
     if faults:
         return Swing(surface, tuple(values.values()), tuple(faults))
     onsets = [trace.onset(*FLIGHT_S) for trace in found]
-    greatest_g = float(np.median([_greatest_g(trace) for trace in found]))
+    max_g = float(np.median([_max_g(trace) for trace in found]))
     felt = sum(onset is not None for onset in onsets)
-    for name, value in (("landings", felt / len(found)), ("greatest_g", greatest_g)):
+    for name, value in (("landings", felt / len(found)), ("max_g", max_g)):
         values[name] = Measured(MEASUREMENTS[name], value)
-    if not values["greatest_g"].within:
-        return Swing(surface, tuple(values.values()), (fault_of_silence(greatest_g, dip),))
+    if not values["max_g"].within:
+        return Swing(surface, tuple(values.values()), (fault_of_silence(max_g, dip),))
     if not values["landings"].within:
         missed = Fault(
             "actuator_misses",
@@ -209,6 +209,6 @@ def _look(surface: str, found: list[Trace], dip: float | None, measured: Mapping
     return Swing(surface, tuple(values.values()), fit=fit)
 
 
-def _greatest_g(trace: Trace) -> float:
+def _max_g(trace: Trace) -> float:
     flight = (trace.after_s > FLIGHT_S[0]) & (trace.after_s < FLIGHT_S[1])
     return float(np.abs(trace.g[flight]).max()) if flight.any() else 0.0

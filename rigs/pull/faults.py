@@ -24,8 +24,8 @@ def fit_faults(record: PullRecord, noise_n: float, overlap_m2: float) -> tuple[F
     """Faults that show in the forces of all pulls together. :param overlap_m2: what the strips should overlap."""
     slow = [one for one in record.pulls if one.slow and one.volts]
     fast = [one for one in record.pulls if not one.slow]
-    most_n = max(float(record.of(one)[1].max()) for one in slow)
-    if (fault := no_force(most_n, record.capacitance_f)) is not None:
+    max_n = max(float(record.of(one)[1].max()) for one in slow)
+    if (fault := no_force(max_n, record.capacitance_f)) is not None:
         return (fault,)
     if (fault := growing_slack(record, slow) or growing_slack(record, fast)) is not None:
         return (fault,)
@@ -58,12 +58,12 @@ def growing_slack(record: PullRecord, pulls: Sequence[OnePull]) -> Fault | None:
     return None
 
 
-def no_force(most_n: float, capacitance_f: float) -> Fault | None:
-    """Nothing was pulled. :param most_n: greatest force with 1500 V on."""
-    if most_n >= _NO_FORCE_N:
+def no_force(max_n: float, capacitance_f: float) -> Fault | None:
+    """Nothing was pulled. :param max_n: greatest force with 1500 V on."""
+    if max_n >= _NO_FORCE_N:
         return None
     why = (
-        f"the force stays below {most_n:.2g} N, though the brake has {capacitance_f * 1e9:.1f} nF and the stage says that it "
+        f"the force stays below {max_n:.2g} N, though the brake has {capacitance_f * 1e9:.1f} nF and the stage says that it "
         "went; does its carriage move, and is the strip in the clamp?"
     )
     return Fault("stage_still", why)

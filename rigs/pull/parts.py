@@ -34,7 +34,7 @@ _END_M = 0.5e-3
 """Before the end of its way the stage brakes."""
 _RAMP_S = 0.1
 """After the beginning of its way the stage has its speed."""
-_LEAST_PERIODS = 3
+_MIN_PERIODS = 3
 
 
 @dataclass(frozen=True)
@@ -110,7 +110,7 @@ def plateau(record: PullRecord, pull: OnePull, rise: Rise) -> Plateau:
     begin_s = (rise.slack_m + held_n / rise.stiffness_n_m) / pull.speed_m_s + DELAY_S + PERIOD_S
     end_s = record.way_m / pull.speed_m_s
     periods = int((end_s - begin_s) / PERIOD_S)
-    if periods < _LEAST_PERIODS:
+    if periods < _MIN_PERIODS:
         return Plateau(pull.volts, held_n, held_n, 0.0, 0.0, float(force_n.max()), 0.0)
     edges = np.searchsorted(seconds, begin_s + PERIOD_S * np.arange(periods + 1))
     parts = [slice(low, high) for low, high in pairwise(edges)]
@@ -129,9 +129,9 @@ def sliding_parts(record: PullRecord, fast: Sequence[OnePull], rise: Rise) -> tu
     delays_s: list[float] = []
     for one in fast:
         seconds, force_n = record.of(one)
-        most_n = float(force_n.max())
-        if most_n > _STRONG_N:
-            rising = (seconds < seconds[int(np.argmax(force_n))]) & (force_n > 0.3 * most_n) & (force_n < _RISE[1] * most_n)
+        max_n = float(force_n.max())
+        if max_n > _STRONG_N:
+            rising = (seconds < seconds[int(np.argmax(force_n))]) & (force_n > 0.3 * max_n) & (force_n < _RISE[1] * max_n)
             way_m = slack_m + force_n[rising] / stiffness
             delays_s.append(float(np.mean(seconds[rising] - way_m / one.speed_m_s)))
     delay_s = float(np.median(delays_s))

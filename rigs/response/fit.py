@@ -27,7 +27,7 @@ _HELD_S = (0.05, 0.11)
 """Since volts on: the force has risen, and falls with the overlap only."""
 _LAST_S = 10e-3
 _DRAG_S = 20e-3
-_LEAST_N = 1.0
+_MIN_N = 1.0
 _AFTER_S = 0.15
 
 
@@ -100,10 +100,10 @@ class ResponseRecord:
         """Rate at which held strips are loaded at ``faster`` times the speed of the slow pull; 0 if that shows no rise."""
         seconds, force_n = self.raw(*self.loading_ns)
         force_n = force_n - self.raw(*self.rest_ns)[1].mean()
-        most_n = float(force_n.max())
-        first = int(np.argmax(force_n > 0.2 * most_n))
-        last = int(np.argmax(force_n > 0.8 * most_n))
-        if last - first < 2 or most_n < _LEAST_N:
+        max_n = float(force_n.max())
+        first = int(np.argmax(force_n > 0.2 * max_n))
+        last = int(np.argmax(force_n > 0.8 * max_n))
+        if last - first < 2 or max_n < _MIN_N:
             return 0.0
         return faster * float(np.polyfit(seconds[first:last], force_n[first:last], 1)[0])
 

@@ -42,7 +42,7 @@ SHORT_STRIPS = {**FRAME, "strip_stiffness_n_m": 1e6}
 """A simulated brake's strips: 10 cm of steel, 0.1 mm by 1 cm, between clamp and overlap have 2e6 N/m (E A / l)."""
 _ALIKE = 0.75
 """Force of any step over that of the slow pull, at least: it has lost a little overlap."""
-_LEAST_DRAG_N = 2.5e-3
+_MIN_DRAG_N = 2.5e-3
 """Half of what free strips drag with (thesis 4.9: a few millinewton)."""
 _PASSED = 4.0
 """A frame that could load so many times the force, while it is held, has long done so when slopes are judged."""
@@ -157,19 +157,19 @@ def _step(bench: Bench) -> Step:
 
 
 def _faults(record: ResponseRecord, noise_n: float, overlap_m2: float) -> tuple[Fault, ...]:
-    most_n = [float(record.since_on(one)[1].max()) for one in record.steps]
+    max_n = [float(record.since_on(one)[1].max()) for one in record.steps]
     drag_n, drag_sd_n = record.drag_n(noise_n)
-    fault = no_force(max(most_n), record.capacitance_f)
-    if fault is None and min(most_n) < _ALIKE * record.loaded_n():
+    fault = no_force(max(max_n), record.capacitance_f)
+    if fault is None and min(max_n) < _ALIKE * record.loaded_n():
         why = (
-            f"steps reach {min(most_n):.3g} to {max(most_n):.3g} N, the slow pull before them {record.loaded_n():.3g} N: the "
+            f"steps reach {min(max_n):.3g} to {max(max_n):.3g} N, the slow pull before them {record.loaded_n():.3g} N: the "
             "clamp slips along the strip; tighten it"
         )
         fault = Fault("clamp_slips", why)
     fast = PULL_M_S / LOADING_M_S
-    if fault is None and record.loading_n_s(fast) * HELD_S > _PASSED * max(most_n):
+    if fault is None and record.loading_n_s(fast) * HELD_S > _PASSED * max(max_n):
         fault = clamp_fault(VOLTS, *record.held(), noise_n, overlap_m2)
-    if fault is None and drag_n + 3.0 * drag_sd_n < _LEAST_DRAG_N:
+    if fault is None and drag_n + 3.0 * drag_sd_n < _MIN_DRAG_N:
         why = (
             f"before volts come the strips pull with {1e3 * drag_n:.1f} mN, where they should drag along with a few: they hang "
             "loose yet; take up the slack, or use a stage that speeds up sooner"

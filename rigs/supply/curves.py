@@ -161,8 +161,8 @@ def decay(tails: list[Vector], step_s: float, noise: float) -> Decay:
     if ratio > 5.0 * sd:
         tau_s = -step_s / math.log(ratio)
         return Decay(tau_s, tau_s**2 / step_s * sd / ratio, True)
-    most_s = -step_s / math.log(min(max(ratio, 0.0) + 2.0 * sd, 0.999))
-    return Decay(0.5 * most_s, most_s / math.sqrt(12.0), False)
+    max_s = -step_s / math.log(min(max(ratio, 0.0) + 2.0 * sd, 0.999))
+    return Decay(0.5 * max_s, max_s / math.sqrt(12.0), False)
 
 
 def half_periods(trace: Trace, settled_v: float, limit_a: float, losses: Losses) -> tuple[Vector, Vector, Vector]:

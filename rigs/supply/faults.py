@@ -16,8 +16,8 @@ from rigs.supply.fit import Phase
 
 _SAME = (0.9, 1.1)
 """Probe over board: outside, they look at different things."""
-_LEAST_CHARGE = 0.5
-_LEAST_ON = 0.6
+_MIN_CHARGE = 0.5
+_MIN_ON = 0.6
 """Share of a wave's time with at least a tenth of its volts: the rest is clamp and the foot of the ramp, a fifth at 50 Hz."""
 NOISIEST_V, NOISIEST_A = 5.0, 3e-6
 """Noise at rest that a sound probe keeps below."""
@@ -119,14 +119,14 @@ def _of_phase(run: SupplyRun, phase: Phase) -> Fault | None:
             f"the probe reads {seen_v:.0f} V where the board has {told_v:.0f} V on output {run.channel}; "
             "is its tip on, and on this output, and its ground?",
         )
-    if float(np.mean(np.abs(volts) > 0.1 * phase.volts)) < _LEAST_ON:
+    if float(np.mean(np.abs(volts) > 0.1 * phase.volts)) < _MIN_ON:
         return Fault("probe_loose", f"the probe's volts come and go at {phase.volts:.0f} V; press its tip on")
     swings = max(1.0, np.floor(2.0 * phase.frequency_hz * lasting_s))
     given_c = float(np.sum(amps)) * float(np.median(np.diff(seconds[:1000])))
     share = given_c / (swings * told_f * phase.volts)
-    if share < -_LEAST_CHARGE:
+    if share < -_MIN_CHARGE:
         return Fault("shunt_reversed", "the supply's current reads negative while it charges; swap the shunt's leads")
-    if share < _LEAST_CHARGE:
+    if share < _MIN_CHARGE:
         return Fault(
             "shunt_open",
             f"the shunt sees {max(100 * share, 0):.0f} % of the charge that {phase.volts:.0f} V need; is it in the supply's "

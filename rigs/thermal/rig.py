@@ -20,7 +20,7 @@ import numpy as np
 from haptics.errors import LimitError
 from haptics.time import NS_PER_S, seconds_to_ns
 from rigs.bench import Bench, BenchOptions
-from rigs.coil_current import LEAST_DIP, MOST_DIP, PulseRecord, currents, meeting_telemetry, tells_motion
+from rigs.coil_current import MAX_DIP, MIN_DIP, PulseRecord, currents, meeting_telemetry, tells_motion
 from rigs.fitting import Vector, noise_sd
 from rigs.instruments import Thermocouple
 from rigs.result import Answer, Fault, Measured, Measurement, RigResult
@@ -51,7 +51,7 @@ MEASUREMENTS = {
     "current_a": Measurement("current_a", "A", 2.0, 5.0, "mean current of a pulse; a coil draws 3.6 A (3.4.3)"),
     "rise_k": Measurement("rise_k", "K", 3.0, HOTTEST_K, "rise at the end of heating"),
     "landing_dip": Measurement(
-        "landing_dip", "1", LEAST_DIP, MOST_DIP, "share of the current that motion takes before the pin lands"
+        "landing_dip", "1", MIN_DIP, MAX_DIP, "share of the current that motion takes before the pin lands"
     ),
 }
 

@@ -22,7 +22,7 @@ from haptics.physics.parameters import Provenance
 from haptics.physics.thermal.one_node import THERMAL, ThermalParameters
 from haptics.units import one_of
 
-GREATEST_SPREAD = 2.0
+MAX_SPREAD = 2.0
 """Of the half widths; every parameter keeps within what its model allows up to here."""
 SKIN_N_M = 300.0
 """A fingertip under a pin (assumed, as ``LatchParameters.skin_stiffness_n_m`` says)."""

@@ -16,14 +16,14 @@ from numpy.typing import NDArray
 from haptics.ends import end_workers, shield_tracker
 from haptics.units import in_range
 from rigs.tolerance.calibration import NOISES, BenchUncertainty, calibrated_host, published_host
-from rigs.tolerance.draws import GREATEST_SPREAD, NAMES, NOMINAL_DEVICE, VARIED, Varied, checked_names, device
+from rigs.tolerance.draws import MAX_SPREAD, NAMES, NOMINAL_DEVICE, VARIED, Varied, checked_names, device
 from rigs.tolerance.felt import felt, quantities
 from rigs.tolerance.summary import FeltRow, felt_row
 
 Floats = NDArray[np.float64]
 CHUNK = 100
 """Devices that a process is handed at a time: one to two seconds of work."""
-GREATEST_DEVICES = 1_000_000
+MAX_DEVICES = 1_000_000
 
 
 @dataclass(frozen=True)
@@ -61,9 +61,9 @@ def tolerance_study(
     :param executor: any; it is left open. :param progress: told how far it is.
     :raises InputError: a number outside its range, or a name that does not vary.
     """
-    count = int(in_range("devices", devices, 2, GREATEST_DEVICES))
+    count = int(in_range("devices", devices, 2, MAX_DEVICES))
     seed = int(in_range("seed", seed, 0, 2**63))
-    in_range("spread", spread, 0.0, GREATEST_SPREAD)
+    in_range("spread", spread, 0.0, MAX_SPREAD)
     names = checked_names(only)
     seeds = SeedSequence(seed).spawn(count)
     chunks = [seeds[first : first + CHUNK] for first in range(0, count, CHUNK)]

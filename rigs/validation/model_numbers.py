@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from haptics.physics.brake.charging import DRIVE, eq44_power_w, greatest_frequency_hz
+from haptics.physics.brake.charging import DRIVE, eq44_power_w, max_frequency_hz
 from haptics.physics.brake.force_laws import default_law
-from haptics.physics.brake.parameters import BRAKE, GREATEST_VOLTS, capacitance_f, compression_n
+from haptics.physics.brake.parameters import BRAKE, MAX_VOLTS, capacitance_f, compression_n
 from haptics.physics.latch.parameters import LATCH, NOMINAL_VOLTS
 from haptics.physics.latch.pulse import switch
 from haptics.physics.thermal.one_node import PULSE_ENERGY_J, THERMAL
@@ -19,9 +19,9 @@ def model_numbers() -> dict[str, tuple[Quantity, str]]:
     """Value and where it comes from, by the id of the reference."""
     plate = (BRAKE.overlap_m2, BRAKE.thickness_m, BRAKE.permittivity)
     capacity_f = capacitance_f(*plate)
-    charge_s = capacity_f * GREATEST_VOLTS / DRIVE.supply_current_a
+    charge_s = capacity_f * MAX_VOLTS / DRIVE.supply_current_a
     no_stray = DRIVE.with_values(stray_f=0.0)
-    squeeze_n = compression_n(GREATEST_VOLTS, *plate)
+    squeeze_n = compression_n(MAX_VOLTS, *plate)
     switching = switch(10e-3, direction="on-off")
     return {
         "capacitance": (_of(capacity_f, "F"), "Eq 4.1"),
@@ -30,11 +30,11 @@ def model_numbers() -> dict[str, tuple[Quantity, str]]:
         "predicted_compression": (_of(squeeze_n, "N"), "Eq 4.2"),
         "predicted_friction": (_of(BRAKE.friction * squeeze_n, "N"), "Eq 4.3"),
         "predicted_power": (
-            _of(eq44_power_w(GREATEST_VOLTS, 20.0, capacity_f), "W"),
+            _of(eq44_power_w(MAX_VOLTS, 20.0, capacity_f), "W"),
             "Eq 4.4; see the supply rig",
         ),
-        "full_swing_rate": (_of(greatest_frequency_hz(GREATEST_VOLTS, capacity_f, no_stray), "Hz"), "I / (2 C V)"),
-        "force_density": (_of(default_law("index").force_n(GREATEST_VOLTS) / BRAKE.overlap_m2, "Pa"), "force law over overlap"),
+        "full_swing_rate": (_of(max_frequency_hz(MAX_VOLTS, capacity_f, no_stray), "Hz"), "I / (2 C V)"),
+        "force_density": (_of(default_law("index").force_n(MAX_VOLTS) / BRAKE.overlap_m2, "Pa"), "force law over overlap"),
         "drive_current": (_of(NOMINAL_VOLTS / LATCH.resistance_ohm, "A"), "5 V over 1.38 ohm"),
         "drive_power": (_of(NOMINAL_VOLTS**2 / LATCH.resistance_ohm, "W"), "V^2 / R"),
         "pulse_energy": (_of(switching.energy_j, "J"), "latch model, a 10 ms switch back"),

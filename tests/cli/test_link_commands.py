@@ -71,7 +71,7 @@ def test_a_monitor_counts_telemetry_and_what_the_line_carries_and_arms_nothing(a
     assert seen["telemetry_share"] <= seen["uplink_share"] < 0.1
     assert not any(seen["counters"][name] for name in ("retries", "given_up", "bad_frames", "echoes", "stray_replies"))
     assert 0 < seen["clock_error_bound_us"] < 1000
-    assert seen["least_lead_ms"] == pytest.approx(2e-3 * seen["clock_error_bound_us"] + 29 * 10 / 500, rel=1e-6)
+    assert seen["min_lead_ms"] == pytest.approx(2e-3 * seen["clock_error_bound_us"] + 29 * 10 / 500, rel=1e-6)
 
 
 def test_a_monitor_counts_telemetry_that_the_line_lost(answer):

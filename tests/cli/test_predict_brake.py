@@ -99,7 +99,7 @@ def test_what_is_outside_the_measured_is_answered_and_marked(answer, arguments):
 def test_no_volts_is_no_nonsense(answer):
     told = answer("predict", "brake", "--volts", 0)
     assert told["valid"] is True
-    assert told["greatest_frequency_hz"] == 1000.0  # the bridge's own (4.4.3)
+    assert told["max_frequency_hz"] == 1000.0  # the bridge's own (4.4.3)
     assert 0 <= told["force_n"] < 0.01  # off: a few mN (4.7.3)
 
 

@@ -33,15 +33,15 @@ def test_a_pulse_too_short_does_not_switch_and_has_no_arrival(answer):
 
 @pytest.mark.parametrize("direction", ["off-on", "on-off"])
 def test_the_least_pulse_divides_those_that_switch_from_those_that_do_not(answer, direction):
-    least_ms = answer("predict", "latch", "--direction", direction)["least_pulse_ms"]
-    assert answer("predict", "latch", "--direction", direction, "--pulse-ms", 1.03 * least_ms)["switched"] is True
-    assert answer("predict", "latch", "--direction", direction, "--pulse-ms", 0.97 * least_ms)["switched"] is False
+    min_ms = answer("predict", "latch", "--direction", direction)["min_pulse_ms"]
+    assert answer("predict", "latch", "--direction", direction, "--pulse-ms", 1.03 * min_ms)["switched"] is True
+    assert answer("predict", "latch", "--direction", direction, "--pulse-ms", 0.97 * min_ms)["switched"] is False
 
 
 def test_volts_that_never_switch_have_no_least_pulse(answer):
     told = answer("predict", "latch", "--volts", 0)
     assert told["switched"] is False
-    assert told["least_pulse_ms"] is None
+    assert told["min_pulse_ms"] is None
 
 
 @pytest.mark.parametrize("arguments", [("--pulse-ms", 12), ("--volts", 8)])

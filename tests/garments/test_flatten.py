@@ -12,8 +12,8 @@ from haptics.garments.pattern.seams import cut_to_fit
 FRONT, BACK = np.array([0.0, -1.0, 0.0]), np.array([0.0, 1.0, 0.0])
 
 
-def panels(garment: SurfaceMesh, most_distortion=1.0):
-    return [flat.panel.mesh for flat in cut_to_fit(garment, nothing(garment), FRONT, BACK, most_distortion, 8)[1]]
+def panels(garment: SurfaceMesh, max_distortion=1.0):
+    return [flat.panel.mesh for flat in cut_to_fit(garment, nothing(garment), FRONT, BACK, max_distortion, 8)[1]]
 
 
 def lengths(mesh: SurfaceMesh, points):

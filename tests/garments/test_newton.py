@@ -92,7 +92,7 @@ def test_at_rest_nothing_is_factored():
 
 
 def test_too_few_steps_are_told_as_not_converged():
-    found = equilibrium(SPRING, Dense(), np.array([[0.2, 0.0, 0.0]]), 1e-10, most_steps=3)
+    found = equilibrium(SPRING, Dense(), np.array([[0.2, 0.0, 0.0]]), 1e-10, max_steps=3)
     assert not found.converged
     assert found.residual_n == pytest.approx(100 * (np.linalg.norm(found.positions_m) - 0.1))
 

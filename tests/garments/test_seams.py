@@ -15,9 +15,9 @@ from haptics.garments.pattern.seams import cut_to_fit
 FRONT, BACK = np.array([0.0, -1.0, 0.0]), np.array([0.0, 1.0, 0.0])
 
 
-def cut(garment, design=None, most_distortion=0.03, most_panels=8, side=BACK):
+def cut(garment, design=None, max_distortion=0.03, max_panels=8, side=BACK):
     design = nothing(garment) if design is None else design
-    return cut_to_fit(garment, design, FRONT, side, most_distortion, most_panels)
+    return cut_to_fit(garment, design, FRONT, side, max_distortion, max_panels)
 
 
 def test_a_tube_gets_one_straight_seam_on_the_side_that_is_asked_for():
@@ -71,7 +71,7 @@ def test_lines_that_meet_an_old_seam_from_both_sides_part_both():
 
 def test_three_openings_are_parted_into_front_and_back():
     garment = three_openings()
-    cloth, panels = cut(garment, most_distortion=1.0)
+    cloth, panels = cut(garment, max_distortion=1.0)
     assert len(panels) == 2
     assert all(flat.panel.is_disc for flat in panels)
     facing = [np.average(flat.panel.mesh.centres_m[:, 1], weights=flat.panel.mesh.areas_m2) for flat in panels]
@@ -90,7 +90,7 @@ def test_openings_are_joined_one_by_one_where_front_and_back_cannot_be_told():
 
 def test_panels_above_the_bound_are_halved_until_below_or_as_many_as_allowed():
     garment = tube(around=24, along=24, bulge=0.05)
-    errors = {most: [flat.error for flat in cut(garment, most_distortion=0.02, most_panels=most)[1]] for most in (1, 2, 8)}
+    errors = {most: [flat.error for flat in cut(garment, max_distortion=0.02, max_panels=most)[1]] for most in (1, 2, 8)}
     assert len(errors[1]) == 1
     assert len(errors[2]) == 2
     assert max(errors[1]) > max(errors[2]) > max(errors[8])
@@ -125,7 +125,7 @@ def test_every_garment_of_the_mannequin_can_be_cut(name):
     pattern = make_pattern(mesh, design, name)
     assert all(panel.flat.panel.is_disc for panel in pattern.panels)
     assert all(np.isfinite(panel.flat.error) for panel in pattern.panels)
-    assert len(pattern.panels) == PatternOptions().most_panels or max(p.flat.error for p in pattern.panels) < 0.05
+    assert len(pattern.panels) == PatternOptions().max_panels or max(p.flat.error for p in pattern.panels) < 0.05
     assert pattern.cut_area_m2 == pytest.approx(mesh.areas_m2[design].sum(), rel=0.05)
     assert sum(p.flat.panel.mesh.areas_m2.sum() for p in pattern.panels) == pytest.approx(mesh.areas_m2.sum(), rel=1e-9)
 

@@ -186,7 +186,7 @@ def _shaken(panel: BarPanel) -> BarPanel:
 
 
 def test_ends_though_the_energy_does_not_settle() -> None:
-    restless = BesoParameters(filter_spread_m=0.0, settled_change=0.0, most_extra_steps=12)
+    restless = BesoParameters(filter_spread_m=0.0, settled_change=0.0, max_extra_steps=12)
     sequence = optimise(_shaken(_panel()), 0.5, restless)
     assert sequence.complete
     there = [step for step in sequence.steps if abs(step.coverage - 0.5) <= 0.003]
@@ -196,7 +196,7 @@ def test_ends_though_the_energy_does_not_settle() -> None:
 
 
 def test_once_settled_the_search_goes_on_from_the_best_with_ever_fewer_exchanged() -> None:
-    restless = BesoParameters(filter_spread_m=0.0, settled_change=0.0, most_extra_steps=12)
+    restless = BesoParameters(filter_spread_m=0.0, settled_change=0.0, max_extra_steps=12)
     panel = _shaken(_panel())
     steps = optimise(panel, 0.5, restless).steps
     first = next(n for n, step in enumerate(steps) if abs(step.coverage - 0.5) <= 0.003)
@@ -209,7 +209,7 @@ def test_once_settled_the_search_goes_on_from_the_best_with_ever_fewer_exchanged
 
 
 def test_of_the_designs_with_the_coverage_the_densest_is_chosen_with_its_equilibrium() -> None:
-    sequence = optimise(_shaken(_panel()), 0.5, BesoParameters(settled_change=0.0, most_extra_steps=12))
+    sequence = optimise(_shaken(_panel()), 0.5, BesoParameters(settled_change=0.0, max_extra_steps=12))
     there = [step for step in sequence.steps if abs(step.coverage - 0.5) <= 0.003]
     assert sequence.final.density == max(step.density for step in there)
     assert sequence.final is not sequence.steps[-1]

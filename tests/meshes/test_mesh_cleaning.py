@@ -22,8 +22,8 @@ def volume(vertices, triangles) -> float:
     return float(np.einsum("ij,ij->", a, np.cross(b, c))) / 6
 
 
-def mended(vertices, triangles, least_area=1e-12):
-    return cleaned(np.asarray(vertices, float), np.asarray(triangles), least_area)
+def mended(vertices, triangles, min_area=1e-12):
+    return cleaned(np.asarray(vertices, float), np.asarray(triangles), min_area)
 
 
 def is_the_box(vertices, triangles) -> bool:

@@ -184,8 +184,8 @@ BOARDS = [
         (
             "takes pulses of a coil that was on for too long",
             "ten milliseconds every ten: 319 K in half a minute",
-            "            raise Refusal(Status.HOT, hot)\n\n    def _most_on_s",
-            "            pass\n\n    def _most_on_s",
+            "            raise Refusal(Status.HOT, hot)\n\n    def _max_on_s",
+            "            pass\n\n    def _max_on_s",
         ),
         (
             "charges nothing to its coils' accounts",
@@ -196,8 +196,8 @@ BOARDS = [
         (
             "counts nothing of what waits",
             "a queue full of pulses takes a coil beyond its account",
-            "hot = self.heat.hot(_on_time_s(wanted), _on_time_s(self._queue), self._most_on_s(), self.now_ns)",
-            "hot = self.heat.hot(_on_time_s(wanted), _NOTHING_S, self._most_on_s(), self.now_ns)",
+            "hot = self.heat.hot(_on_time_s(wanted), _on_time_s(self._queue), self._max_on_s(), self.now_ns)",
+            "hot = self.heat.hot(_on_time_s(wanted), _NOTHING_S, self._max_on_s(), self.now_ns)",
         ),
         (
             "charges nothing for a driver that was stuck",
@@ -214,7 +214,7 @@ BOARDS = [
         (
             "a brown-out makes coils cold",
             "who pulls the plug may burn a coil again",
-            "        self.heat.lose_power(self._most_on_s(), self.now_ns)\n",
+            "        self.heat.lose_power(self._max_on_s(), self.now_ns)\n",
             "        self.heat = CoilHeat(self.now_ns)\n",
         ),
         (
@@ -246,7 +246,7 @@ BOARDS = [
         (
             "does not watch the coils' supply",
             "pins half move, and nobody is told",
-            "if supply_mv < least_mv:",
+            "if supply_mv < min_mv:",
             "if supply_mv < 0:",
         ),
         (

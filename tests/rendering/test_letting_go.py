@@ -7,7 +7,7 @@ from test_loop import Stage
 from haptics.session.configuration import BrakeConfiguration, Configuration
 
 
-def greatest_v(stage: Stage) -> float:
+def max_v(stage: Stage) -> float:
     return max(map(abs, stage.glove.plant("brake").truth()["volts"]))
 
 
@@ -36,22 +36,22 @@ def test_a_touch_that_was_decided_for_a_hand_does_not_come_once_it_is_gone():
 def test_a_hand_that_goes_is_let_go_of_by_the_plants():
     stage = Stage("playground")
     stage.run(1500)
-    assert greatest_v(stage) > 100
+    assert max_v(stage) > 100
     assert "on" in stage.glove.plant("tactiles").truth()["latched"]
     stage.session.hand_gone(stage.glove.now_ns())
     stage.run(1600, poses=False)
-    assert greatest_v(stage) < 60
+    assert max_v(stage) < 60
     assert set(stage.glove.plant("tactiles").truth()["latched"]) == {"off"}
     ended(stage)
 
 
 def test_no_grasp_closes_with_more_volts_than_the_wearer_allows():
     stage = Stage("playground", Configuration(brake=BrakeConfiguration(amplitude_v=300.0)))
-    most_v = 0.0
+    max_v = 0.0
     for ms in range(1300, 1600, 5):
         stage.run(ms)
-        most_v = max(most_v, greatest_v(stage))
-    assert 250 < most_v < 1.05 * 300
+        max_v = max(max_v, max_v(stage))
+    assert 250 < max_v < 1.05 * 300
     ended(stage)
 
 
@@ -60,13 +60,13 @@ def test_no_clutch_closes_with_more_volts_than_the_wearer_allows_and_all_open_wh
     seen_v = []
     for ms in range(1500, 3000, 10):
         stage.run(ms)
-        seen_v.append(greatest_v(stage))
+        seen_v.append(max_v(stage))
         if seen_v[-1] > 150 and ms > 2000:  # the back is held
             break
     assert 150 < max(seen_v) < 1.05 * 200
     for after_ms in range(150, 500, 10):
         stage.run(ms + after_ms, poses=False)
-        assert greatest_v(stage) < 60
+        assert max_v(stage) < 60
     ended(stage)
 
 

@@ -80,13 +80,13 @@ class TrueBrake:
         off_s = before_s + held_s
         plant.drive(off_s, 0, 0.0, 0.0)
         fall_n = np.array([self._seen(plant, off_s + fine_s * k)[0] for k in range(1, round(0.15 / fine_s))])
-        most_n, last_n = float(rise_n.max()), float(rise_n[-200:].mean())
-        begun_s, response_s = (fine_s * (1 + int(np.argmax(rise_n >= share * most_n))) for share in (0.1, 0.9))
+        max_n, last_n = float(rise_n.max()), float(rise_n[-200:].mean())
+        begun_s, response_s = (fine_s * (1 + int(np.argmax(rise_n >= share * max_n))) for share in (0.1, 0.9))
         return {
             "response_s": response_s,
             "release_s": fine_s * (1 + int(np.argmax(fall_n <= 0.1 * last_n))),
             "rise_s": response_s - begun_s,
-            "slew_n_s": 0.8 * most_n / (response_s - begun_s),
+            "slew_n_s": 0.8 * max_n / (response_s - begun_s),
         }
 
     def _plant(self, step_s: float | None = None) -> BrakePlant:

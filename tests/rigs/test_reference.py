@@ -20,7 +20,7 @@ from haptics import physics
 from haptics.errors import InputError
 from haptics.fidelity.notice import JND_PERCENT_OF_RATE, JND_PERCENT_OF_VOLTS
 from haptics.garments.patch.clamped_patch import pull as pull_patch
-from haptics.garments.patch.patch_layouts import most_energy_j
+from haptics.garments.patch.patch_layouts import max_energy_j
 from haptics.physics.brake.contact import CONTACT
 from haptics.physics.brake.fit import FLOOR_SD_N, PUBLISHED_POINTS
 from haptics.physics.brake.force_laws import FINGERS, default_law
@@ -228,7 +228,7 @@ def test_the_curves_that_the_project_holds_are_the_published_ones() -> None:
     for finger in FINGERS:
         points = dict(PUBLISHED_POINTS[finger])
         if finger == "index":
-            assert points.pop(published("pull_greatest_voltage").value) == published("pull_force").value
+            assert points.pop(published("pull_max_voltage").value) == published("pull_force").value
         assert points == {point.x: point.y for point in curve(f"force_{finger}").points}
         assert JND_PERCENT_OF_VOLTS[finger] == {point.x: point.y for point in curve(f"jnd_force_{finger}").points}
     assert {point.label: point.y for point in curve("jnd_rate").points} == JND_PERCENT_OF_RATE
@@ -339,7 +339,7 @@ def forces_of_the_bench() -> dict[str, float]:
         pull_patch(design, covered, strain, lame).force_n for lame in ("plane", "thesis") for design in ("strip", "x")
     )
     return {
-        "most_n": 2.0 * most_energy_j(covered, strain) / (strain * v("patch_side")),
+        "max_n": 2.0 * max_energy_j(covered, strain) / (strain * v("patch_side")),
         "strip_along_n": line,
         "diagonal_x_n": x,
         "strip_over_x": line / x,
@@ -361,7 +361,7 @@ def eq41_f() -> float:
 
 
 def full_swing_hz() -> float:
-    return v("supply_current") / (2.0 * eq41_f() * v("pull_greatest_voltage"))
+    return v("supply_current") / (2.0 * eq41_f() * v("pull_max_voltage"))
 
 
 def switch_k_s(per_min: float, c_k_per_w: float) -> float:
@@ -369,7 +369,7 @@ def switch_k_s(per_min: float, c_k_per_w: float) -> float:
 
 
 def eq44_per_c_w() -> float:
-    return v("pull_greatest_voltage") ** 2 * v("drive_frequency_high")
+    return v("pull_max_voltage") ** 2 * v("drive_frequency_high")
 
 
 def force_percent(finger: str) -> float:
@@ -432,7 +432,7 @@ ARITHMETIC: Mapping[str, Callable[[], dict[str, float]]] = {
     "footprint_area": lambda: {"area_m2": v("actuator_length") * v("actuator_width")},
     "half_the_space": lambda: {"left_share": 1.0 - v("footprint_reduction") / 100.0},
     "two_hertz": lambda: {"switches_per_s": v("thermal_power") / (v("drive_power") * v("drive_pulse"))},
-    "pulse_mode_latches": lambda: {"least_pulse_s": TRAVEL.least_s(True, v("drive_voltage"))},
+    "pulse_mode_latches": lambda: {"min_pulse_s": TRAVEL.min_s(True, v("drive_voltage"))},
     "recoil_is_no_motion": lambda: {
         "impulse_n_s": v("recoil_pendulum_mass") * v("recoil_peak") * STANDARD_GRAVITY_M_S2 * v("recoil_tau_bare"),
         "momentum_n_s": v("actuator_mass") * 2.0 * v("latch_stroke") / v("contact_travel"),
@@ -443,8 +443,8 @@ ARITHMETIC: Mapping[str, Callable[[], dict[str, float]]] = {
     },
     "safe_temperature": lambda: {"at_25_c": 25.0 + switch_k_s(v("thermal_safe_rate"), v("thermal_c"))},
     "rise_was_not_measured": lambda: {
-        "rise_k": switch_k_s(v("study_rate_most"), v("thermal_c")),
-        "with_greater_c_k": switch_k_s(v("study_rate_most"), v("thermal_c") + v("thermal_c_scatter")),
+        "rise_k": switch_k_s(v("study_rate_max"), v("thermal_c")),
+        "with_greater_c_k": switch_k_s(v("study_rate_max"), v("thermal_c") + v("thermal_c_scatter")),
     },
     "stuck_coil": lambda: {
         "one_mass_k": v("thermal_c") * v("drive_power") * -math.expm1(-0.5 / v("thermal_tau")),
@@ -452,7 +452,7 @@ ARITHMETIC: Mapping[str, Callable[[], dict[str, float]]] = {
     },
     "time_to_charge": lambda: {
         "capacitance_f": eq41_f(),
-        "charge_s": eq41_f() * v("pull_greatest_voltage") / v("supply_current"),
+        "charge_s": eq41_f() * v("pull_max_voltage") / v("supply_current"),
     },
     "twenty_hertz_at_fifty_ms": lambda: {
         "half_period_s": 0.5 / v("predicted_rate"),
@@ -462,8 +462,8 @@ ARITHMETIC: Mapping[str, Callable[[], dict[str, float]]] = {
         name: share * eq41_f() * eq44_per_c_w() for name, share in (("eq44_w", 0.5), ("clamped_w", 1.0), ("direct_w", 4.0))
     },
     "predicted_against_measured": lambda: {
-        "predicted_n": v("friction") * eq41_f() * v("pull_greatest_voltage") ** 2 / (2.0 * v("dielectric_thickness")),
-        "effective_friction": v("pull_force") / (eq41_f() * v("pull_greatest_voltage") ** 2 / (2.0 * v("dielectric_thickness"))),
+        "predicted_n": v("friction") * eq41_f() * v("pull_max_voltage") ** 2 / (2.0 * v("dielectric_thickness")),
+        "effective_friction": v("pull_force") / (eq41_f() * v("pull_max_voltage") ** 2 / (2.0 * v("dielectric_thickness"))),
     },
     "square_law": lambda: dict(
         zip(("index_low", "index_high", "thumb_low", "thumb_high"), (*growth("index"), *growth("thumb")), strict=True)
@@ -477,10 +477,10 @@ ARITHMETIC: Mapping[str, Callable[[], dict[str, float]]] = {
     "mass_per_strip": lambda: {"strip_kg": 7.9e3 * v("strip_length") * v("strip_width") * v("steel_thickness")},
     "jnd_in_volts": lambda: {f"{finger}_force_pct": force_percent(finger) for finger in FINGERS},
     "plateau_below_capacity": lambda: {
-        f"{level}_n": pull(level, v("pull_greatest_voltage"), v("pull_frequency")).plateau_n for level in ("lagged", "static")
+        f"{level}_n": pull(level, v("pull_max_voltage"), v("pull_frequency")).plateau_n for level in ("lagged", "static")
     },
     "overlap_lost_in_a_pull": lambda: {"lost_share": v("pull_length") * v("strip_width") / v("overlap")},
-    "swing_faster_than_supply": lambda: {"greatest_hz": full_swing_hz()},
+    "swing_faster_than_supply": lambda: {"max_hz": full_swing_hz()},
     "clutch_power_and_frequency": lambda: {
         "permittivity_times_hz": v("clutch_power")
         / (0.5 * VACUUM_PERMITTIVITY_F_PER_M * v("clutch_length") * v("clutch_width") / v("clutch_dielectric"))
@@ -560,9 +560,9 @@ def test_the_arithmetic_contradicts_what_is_printed() -> None:
         ("power_of_one_charge", "clamped_w", "predicted_power"),
         ("predicted_against_measured", "predicted_n", "pull_force"),
         ("lay_sleeve_mean", "lay_sleeve", "lay_sleeve"),
-        ("ten_times_by_which_mean", "to_one", "simulated_gain_most"),
-        ("x_above_every_layout", "most_n", "x_simulated"),
-        ("x_above_every_layout", "most_n", "x_measured"),
+        ("ten_times_by_which_mean", "to_one", "simulated_gain_max"),
+        ("x_above_every_layout", "max_n", "x_simulated"),
+        ("x_above_every_layout", "max_n", "x_measured"),
         ("x_above_every_layout", "strip_along_n", "line_simulated"),
     ):
         assert published(printed).compare(numbers[id][name]) == "differs", id
@@ -585,7 +585,7 @@ def test_what_is_consistent_in_the_source_is_found_consistent() -> None:
     by_hand = densities_by_hand()
     assert [name for name, value in by_hand.items() if published(name).compare(value) == "differs"] == ["lay_sleeve"]
     assert published("use_power").compare(switch_k_s(v("use_rate"), 1.0)) == "agrees"
-    assert published("study_rise").compare(switch_k_s(v("study_rate_most"), v("thermal_c"))) == "agrees"
+    assert published("study_rise").compare(switch_k_s(v("study_rate_max"), v("thermal_c"))) == "agrees"
     assert published("drive_power").compare(v("drive_voltage") ** 2 / v("coil_resistance")) == "agrees"
     assert published("drive_current").compare(v("drive_voltage") / v("coil_resistance")) == "agrees"
     assert published("jnd_rate_mean").compare(mean(point.y for point in curve("jnd_rate").points)) == "agrees"
@@ -594,7 +594,7 @@ def test_what_is_consistent_in_the_source_is_found_consistent() -> None:
     assert v("force_slew") == v("pull_force") / v("response_time")
     assert v("mass_force_density") == pytest.approx(v("pull_force") / v("brake_mass"))
     assert v("full_swing_rate") == pytest.approx(full_swing_hz(), abs=0.05)
-    assert v("charge_time") == pytest.approx(eq41_f() * v("pull_greatest_voltage") / v("supply_current"), abs=5e-6)
+    assert v("charge_time") == pytest.approx(eq41_f() * v("pull_max_voltage") / v("supply_current"), abs=5e-6)
     assert published("line_difference").compare(100.0 * (1.0 - v("line_simulated") / v("line_measured"))) == "agrees"
     assert published("x_difference").compare(100.0 * (1.0 - v("x_simulated") / v("x_measured"))) == "agrees"
     assert v("pulse_energy") == v("drive_power") * v("drive_pulse")

@@ -95,8 +95,8 @@ def test_spread_of_warmth_is_c_times_power(of_heat_and_force: ToleranceReport):
     assert found.nominal == pytest.approx(THERMAL.c_k_per_w * per_c, rel=1e-9)  # rounding of 720 sums
     assert found.before.sd == pytest.approx(per_c * 10.0 / math.sqrt(3.0), rel=three_sigma(300))
     believed_k = THERMAL.c_k_per_w * per_c * 18.0 * PULSE_S / energy_j
-    most_k = (THERMAL.c_k_per_w + 10.0) * per_c - believed_k
-    assert 0.95 * most_k < abs(found.before.worst) <= most_k  # of 300 devices some are within a twentieth of the end
+    max_k = (THERMAL.c_k_per_w + 10.0) * per_c - believed_k
+    assert 0.95 * max_k < abs(found.before.worst) <= max_k  # of 300 devices some are within a twentieth of the end
     assert [cause.parameter for cause in found.causes] == ["c_k_per_w"]
     assert found.causes[0].share == pytest.approx(1.0, abs=1e-9)
 
@@ -388,7 +388,7 @@ def test_nonsense_of_bench_and_pool_is_refused():
 def test_every_parameter_stays_within_its_model_at_the_greatest_spread():
     for name in NAMES:
         for end in (-1.0, 1.0):
-            assert device([end * (one == name) for one in NAMES], study.GREATEST_SPREAD)
+            assert device([end * (one == name) for one in NAMES], study.MAX_SPREAD)
     assert published_host().volts_for(10.0) < 1500.0
 
 

@@ -93,7 +93,7 @@ def test_whatever_a_host_admits_leaves_a_board_below_its_limit(coil, board_s, pa
     """Greedy hosts: pulses back to back as long as they are admitted, pauses, and again; from any account taken over."""
     heat_s = data.draw(st.floats(0.0, board_s))
     account = ThermalBudget(coil.parameters, coil.limit_k(board_s), rise_k=coil.rise_k(heat_s))
-    charged, last_ns, now_ns, most_s = heat_s, 0, 0, 0.0
+    charged, last_ns, now_ns, max_s = heat_s, 0, 0, 0.0
     for pause_ns in pauses_ns:
         for _ in range(400):
             if not account.allows(coil.power_w * 0.01, now_ns):
@@ -101,9 +101,9 @@ def test_whatever_a_host_admits_leaves_a_board_below_its_limit(coil, board_s, pa
             end_ns = now_ns + 10_000_000
             account.spend(coil.power_w * 0.01, end_ns)
             charged = charged * math.exp(-(now_ns - last_ns) / S / BOARD_S) + 0.01
-            most_s, last_ns, now_ns = max(most_s, charged), now_ns, end_ns
+            max_s, last_ns, now_ns = max(max_s, charged), now_ns, end_ns
         now_ns += pause_ns
-    assert most_s <= board_s
+    assert max_s <= board_s
 
 
 @given(coils, st.floats(12.0, 30.0))

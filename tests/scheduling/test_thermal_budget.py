@@ -117,11 +117,11 @@ def test_switches_allowed_at_a_spacing_are_those_that_fit_one_by_one(rise_k: flo
 @pytest.mark.parametrize("energy_j", [PULSE_ENERGY_J, BURST_J])
 def test_least_spacing_is_kept_up_for_ever_and_a_shorter_one_is_not(energy_j: float):
     account = budget()
-    least_s = account.least_spacing_s(energy_j)
-    assert account.allowed_at(least_s * (1 + 1e-9), 0, energy_j) is None
-    assert account.allowed_at(least_s * (1 - 1e-3), 0, energy_j) is not None
+    min_s = account.min_spacing_s(energy_j)
+    assert account.allowed_at(min_s * (1 + 1e-9), 0, energy_j) is None
+    assert account.allowed_at(min_s * (1 - 1e-3), 0, energy_j) is not None
     jump_k = energy_j * 69 / 102
-    assert jump_k / -math.expm1(-least_s / 102) == pytest.approx(25.0, rel=1e-9)
+    assert jump_k / -math.expm1(-min_s / 102) == pytest.approx(25.0, rel=1e-9)
 
 
 @given(st.floats(1.0, 25.0), energies, st.integers(1, 20))
@@ -143,7 +143,7 @@ def test_published_rates():
     assert account.allowed_at(0.5, 0) is None  # 120 switches a minute are safe (thesis 3.5.2)
     assert account.allowed_at(5.0, 0, BURST_J) is None  # 50 ms at 200 Hz every 5 s likewise
     assert account.allowed_now(0) == 205  # floor(25 / 0.12176)
-    assert account.least_spacing_s() == pytest.approx(0.498, abs=5e-4)  # 102 s * 0.12176 / 25, and a little
+    assert account.min_spacing_s() == pytest.approx(0.498, abs=5e-4)  # 102 s * 0.12176 / 25, and a little
 
 
 def test_a_reserve_must_fit_beside_the_energy():

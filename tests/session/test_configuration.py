@@ -158,15 +158,15 @@ def worked_hard(table: dict, sites: tuple[str, ...] = ("index_tip",), cycles: in
     glove = Glove(part, None, realtime=False)
     try:
         glove.arm()
-        most_on = 0
+        max_on = 0
         for _ in range(cycles):
             for move in (glove.tactiles.contact, glove.tactiles.release):
                 for site in sites:
                     move(site, glove.now_ns())
                 for _ in range(4):
                     glove.step_to(glove.now_ns() + 5_000_000)
-                    most_on = max(most_on, sum(glove.plant("tactiles").truth()["coils_on"]))
-        return {**glove.plant("tactiles").truth(), "most_on": most_on}
+                    max_on = max(max_on, sum(glove.plant("tactiles").truth()["coils_on"]))
+        return {**glove.plant("tactiles").truth(), "max_on": max_on}
     finally:
         glove.off()
         glove.close()
@@ -180,7 +180,7 @@ def test_a_rise_limit_holds_on_the_plant_and_is_used_up(limit_k):
 
 
 def test_a_current_limit_holds_on_the_plant():
-    assert worked_hard({"current_limit_a": 8.0}, ("index_tip", "thumb_tip", "palm_outer"), cycles=3)["most_on"] == 2
+    assert worked_hard({"current_limit_a": 8.0}, ("index_tip", "thumb_tip", "palm_outer"), cycles=3)["max_on"] == 2
 
 
 def test_an_actuator_that_its_bench_found_to_warm_more_is_spared_more():

@@ -125,7 +125,7 @@ def build_slow_library(folder: Path) -> ctypes.CDLL:
     return library
 
 
-def greatest_dhz(pf: float, volts: int) -> int:
+def max_dhz(pf: float, volts: int) -> int:
     """I / (2 C V)."""
     return min(10_000, math.floor(10 * 500e-6 / (2 * pf * 1e-12 * volts)))
 

@@ -25,7 +25,7 @@ class Circuit:
     leak_ohm: list[float] = field(default_factory=lambda: [math.inf] * OUTPUTS)
     amps: float = 500e-6
     gain: float = 1.0  # volts made over volts asked for
-    least_v: float = 0.0  # volts made whatever is asked for
+    min_v: float = 0.0  # volts made whatever is asked for
     ohm: float = 20e3
     short_ohm: float = 20e3  # of the switches that short an output
     bleeder_ohm: float = 500e6
@@ -45,7 +45,7 @@ class Circuit:
 
     @property
     def set_v(self) -> float:
-        return max((self.word >> 16) * self.gain, self.least_v) if self.word & ENABLED else 0.0
+        return max((self.word >> 16) * self.gain, self.min_v) if self.word & ENABLED else 0.0
 
     @property
     def charging(self) -> bool:

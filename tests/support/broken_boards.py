@@ -392,7 +392,7 @@ def account_of_one_coil_a_command(patch: pytest.MonkeyPatch) -> None:
 
 
 def built_in_account_only(patch: pytest.MonkeyPatch) -> None:
-    patch.setattr(TactilesBoard, "_most_on_s", lambda self: 2.5)
+    patch.setattr(TactilesBoard, "_max_on_s", lambda self: 2.5)
 
 
 def cools_twice_as_fast(patch: pytest.MonkeyPatch) -> None:

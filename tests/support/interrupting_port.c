@@ -8,15 +8,15 @@
 #include "port.h"
 #include "tactiles.h"
 
-#define MOST_EDGES 100000
+#define MAX_EDGES 100000
 
 static struct tactiles coils;
 static struct coil_heat heat[COIL_CHANNELS];
 static uint8_t notes;
-static uint32_t now, random_state, most_step;
+static uint32_t now, random_state, max_step;
 static bool masked, prepared;
 static uint32_t prepared_word, prepared_due;
-static uint32_t edge_count, edge_due[MOST_EDGES], edge_word[MOST_EDGES];
+static uint32_t edge_count, edge_due[MAX_EDGES], edge_word[MAX_EDGES];
 static uint8_t last_frame[80];
 
 const char port_build[8] = "racing";
@@ -24,13 +24,13 @@ const char port_build[8] = "racing";
 static void let_time_pass(void)
 {
     random_state = random_state * 1664525u + 1013904223u;
-    now += (random_state >> 16) % most_step;
+    now += (random_state >> 16) % max_step;
     while (!masked && prepared && !before(now, prepared_due)) {
         masked = true;
         prepared = false;
         edge_due[edge_count] = prepared_due;
         edge_word[edge_count] = prepared_word;
-        edge_count += edge_count < MOST_EDGES - 1;
+        edge_count += edge_count < MAX_EDGES - 1;
         board_edge(&coils.board, prepared_due);
         masked = false;
     }
@@ -133,7 +133,7 @@ void racing_start(uint32_t seed, uint32_t step)
     static const struct settings settings = {{200, 12000, 64, 3000, 2500}, 0};
     now = 0xffff0000u;
     random_state = seed;
-    most_step = step;
+    max_step = step;
     masked = prepared = false;
     edge_count = 0;
     memset(heat, 0, sizeof heat);

@@ -25,7 +25,7 @@ DISCHARGE_NS = 5 * MS
 HIGHEST_V = 1500
 LONGEST_TTL_MS = 2000
 LONGEST_PULSE = 200
-MOST_COILS = 3  # 12 A, 3.907 A each
+MAX_COILS = 3  # 12 A, 3.907 A each
 LID_NS = 8 * MS  # a board looks at its lid each 5 ms at least
 LENGTHS = {0x01: 0, 0x02: 4, 0x03: 10, 0x04: 4, 0x05: 0, 0x06: 0, 0x07: 0, 0x10: 23, 0x11: 2, 0x20: 11, 0x21: 7}
 IDENTIFY, SYNC, CONFIGURE, ARM, DISARM, STOP, KEEPALIVE, PULSE, CANCEL, DRIVE, PIEZO = LENGTHS
@@ -299,7 +299,7 @@ class Oracle:
         if not self._may_start(kind, channel, drive, time_ns):
             self.wrong.append(f"{kind} {channel} went on at {time_ns / MS} ms, and nothing that holds says so")
         coils = sum(what == "coil" for what, _ in self.on)
-        if coils > MOST_COILS:
+        if coils > MAX_COILS:
             self.wrong.append(f"{coils} coils on at {time_ns / MS} ms")
 
     def _standing(self, time_ns: int) -> None:

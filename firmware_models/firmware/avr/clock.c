@@ -5,7 +5,7 @@
 #include <util/atomic.h>
 
 #define START (0xffffu - 305u) /* upper half of the first tick: 10 s before the wrap */
-#define LEAST_AHEAD 2          /* ticks by which a compare must lie ahead to be met for certain */
+#define MIN_AHEAD 2          /* ticks by which a compare must lie ahead to be met for certain */
 #define SLACK 40               /* ticks by which the main loop may wake late */
 
 static volatile uint16_t overflows = START;
@@ -40,9 +40,9 @@ bool clock_wake_at(uint32_t at)
 {
     static uint16_t wake;
     uint16_t low = (uint16_t)at;
-    if ((int16_t)(wake - TCNT1) < LEAST_AHEAD || (int16_t)(wake - low) > SLACK)
+    if ((int16_t)(wake - TCNT1) < MIN_AHEAD || (int16_t)(wake - low) > SLACK)
         OCR1B = wake = low;
-    return (int16_t)(wake - TCNT1) >= LEAST_AHEAD;
+    return (int16_t)(wake - TCNT1) >= MIN_AHEAD;
 }
 
 ISR(TIMER1_OVF_vect)

@@ -14,7 +14,7 @@
 #define NEGATIVE_HIGH 0x10u /* bit 12 */
 #define CONVERTER 0x3000u   /* MCP4921: write, gain 1, on; the count in bits 0 to 11 */
 #define WIRED 0x03ffu       /* of the word: outputs and piezos */
-#define MOST_COUNTS 4095u
+#define MAX_COUNTS 4095u
 #define COUNTS_PER_V 2u
 #define BRIDGE_INPUT 5u
 
@@ -52,7 +52,7 @@ uint8_t wiring_port_d(uint32_t word)
 uint32_t wiring_chain(uint32_t word)
 {
     uint16_t volts = (uint16_t)(word >> 16);
-    uint16_t counts = volts > MOST_COUNTS / COUNTS_PER_V ? MOST_COUNTS : volts * COUNTS_PER_V;
+    uint16_t counts = volts > MAX_COUNTS / COUNTS_PER_V ? MAX_COUNTS : volts * COUNTS_PER_V;
     return (uint32_t)(CONVERTER | counts) << 16 | ((uint16_t)word & WIRED);
 }
 

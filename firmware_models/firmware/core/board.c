@@ -10,8 +10,8 @@
 #endif
 
 /* How far ahead a command's time must lie for a port to play it exactly then. */
-#ifndef LEAST_LEAD_TICKS
-#define LEAST_LEAD_TICKS 0u
+#ifndef MIN_LEAD_TICKS
+#define MIN_LEAD_TICKS 0u
 #endif
 
 #define NO_SUCH_MESSAGE 0xffu
@@ -116,7 +116,7 @@ bool board_ready(const struct board *b, uint16_t *detail)
 uint8_t board_check_time(struct board *b, uint32_t time, uint16_t *detail)
 {
     b->dealt = port_now(b);
-    uint32_t soonest = b->dealt + LEAST_LEAD_TICKS;
+    uint32_t soonest = b->dealt + MIN_LEAD_TICKS;
     uint32_t ahead = time - b->dealt;
     if (before(time, soonest)) {
         uint32_t lateness = ticks_until(b->dealt, time) / 32;

@@ -52,7 +52,7 @@ static uint8_t check_drive(const struct brake *k, const struct drive *d, uint16_
     if (charge > UINT32_C(1000) * limits[LIMIT_CHARGE])
         return bad_value(detail, 2);
     /* I / (2 C V), in 0.1 Hz. */
-    if (d->frequency < LEAST_DHZ || d->frequency > limits[LIMIT_FREQUENCY] ||
+    if (d->frequency < MIN_DHZ || d->frequency > limits[LIMIT_FREQUENCY] ||
         d->frequency > UINT32_C(5000000) * limits[LIMIT_CURRENT] / charge)
         return bad_value(detail, 3);
     if (d->ttl == 0 || d->ttl > limits[LIMIT_TTL])
@@ -233,7 +233,7 @@ static const struct board_kind brake_kind = {
     .telemetry = MESSAGE_BRAKE_TELEMETRY,
     .telemetry_size = BRAKE_TELEMETRY_SIZE,
     .greater_is_stricter = 0,
-    .limits = {GREATEST_V, SUPPLY_CURRENT_UA, GREATEST_DHZ, LONGEST_TTL_MS, STORED_CHARGE_NC},
+    .limits = {MAX_V, SUPPLY_CURRENT_UA, MAX_DHZ, LONGEST_TTL_MS, STORED_CHARGE_NC},
     .own = {{MESSAGE_DRIVE, DRIVE_SIZE}, {MESSAGE_PIEZO, PIEZO_SIZE}},
     .start = start,
     .arm = arm,

@@ -9,7 +9,7 @@
 #define ROUNDING_V 4    /* of a difference of two readings of the bridge */
 #define WRONG_WAY_V 20  /* see brake_guards.h */
 #define SENSED_V 200    /* the least ramp that tells C: to 2 % */
-#define GREATEST_SANE_V 2000
+#define MAX_SANE_V 2000
 
 /* What the senses say. Times are before and after the conversion of the bridge. */
 struct look {
@@ -165,7 +165,7 @@ static bool shorted(struct brake *k, const struct wave *w, const struct look *l,
     }
     uint32_t ticks = l->begun - g->ramp_begun;
     int16_t rise = (int16_t)(l->volts - g->ramp_v);
-    if (rise > GREATEST_SANE_V)
+    if (rise > MAX_SANE_V)
         return false;
     uint32_t rise_at_most = rise > 0 ? (uint32_t)rise + ROUNDING_V : ROUNDING_V;
     uint32_t conversion = l->ended - l->begun; /* either look may be of its beginning or of its end */

@@ -12,8 +12,8 @@ enum { SHORTED, FIRST_PULSE, SECOND_PULSE_CURRENT, SECOND_PULSE };
 #define TARGET (24u * LOW_COUNTS_PER_V)
 #define GOOD (12u * LOW_COUNTS_PER_V)  /* enough for a quarter of a per cent: no second pulse */
 #define LEFT (4u * LOW_COUNTS_PER_V)   /* a shorted output has no more */
-#define CURRENT_LEAST_TICKS 200u       /* a pulse that a conversion of the current fits in */
-#define CURRENT_LEAST_UA 100u          /* less is a broken sense */
+#define CURRENT_MIN_TICKS 200u       /* a pulse that a conversion of the current fits in */
+#define CURRENT_MIN_UA 100u          /* less is a broken sense */
 
 static void start_output(struct brake *k, uint8_t output, uint32_t now)
 {
@@ -51,7 +51,7 @@ static void measure_current(struct brake *k)
     struct wave w;
     uint16_t current = port_convert(&k->board, CURRENT_INPUT);
     edges_look(k, &w);
-    if (w.phase == TEST_CHARGING && current >= CURRENT_LEAST_UA)
+    if (w.phase == TEST_CHARGING && current >= CURRENT_MIN_UA)
         k->supply_ua = current;
 }
 
@@ -64,8 +64,8 @@ static void connect(struct brake *k)
         board_latch(&k->board, FAULT_SELF_TEST, t->output, t->before / LOW_COUNTS_PER_V);
         return;
     }
-    uint32_t least_pf = k->nominal_pf / 10u + STRAY_PF;
-    pulse(k, FIRST_PULSE, least_pf * (2 * FIRST_V) / SUPPLY_CURRENT_UA);
+    uint32_t min_pf = k->nominal_pf / 10u + STRAY_PF;
+    pulse(k, FIRST_PULSE, min_pf * (2 * FIRST_V) / SUPPLY_CURRENT_UA);
 }
 
 static void finish(struct brake *k)
@@ -131,7 +131,7 @@ static void after_first(struct brake *k)
     if (ticks > NO_RISE_TICKS)
         ticks = NO_RISE_TICKS;
     t->before = now;
-    pulse(k, ticks < CURRENT_LEAST_TICKS ? SECOND_PULSE : SECOND_PULSE_CURRENT, ticks);
+    pulse(k, ticks < CURRENT_MIN_TICKS ? SECOND_PULSE : SECOND_PULSE_CURRENT, ticks);
 }
 
 static bool pulse_over(struct brake *k)

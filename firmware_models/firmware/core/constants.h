@@ -17,7 +17,7 @@
 #define WORST_COIL_MA 3907u /* mA: 5 V on 1.38 - 0.1 ohm, thesis 3.4.3 */
 #define COILS_AT_ONCE 3u /* coil current over the worst coil's */
 #define PULSE_QUEUE 64u /* pulses: a setting */
-#define LEAST_SUPPLY_MV 3000u /* mV: a setting */
+#define MIN_SUPPLY_MV 3000u /* mV: a setting */
 #define ON_TIME_MS 2500u /* ms: of account: 30.4 K on a nominal tactor, docs/reference/protocol.md */
 #define HEAT_SHIFT 12u /* an account loses 2^-12 of itself each */
 #define HEAT_STEP_TICKS UINT32_C(49811) /* ticks: a time constant of 102 s, thesis 3.5.2 */
@@ -27,10 +27,10 @@
 #define COIL_CURRENT_TICKS UINT32_C(4000) /* ticks: 2 ms, docs/reference/protocol.md */
 
 /* Brakes */
-#define GREATEST_V 1500u /* V: thesis 4.7.3 */
+#define MAX_V 1500u /* V: thesis 4.7.3 */
 #define SUPPLY_CURRENT_UA 500u /* uA: thesis 4.4.3 */
-#define GREATEST_DHZ 10000u /* 0.1 Hz: thesis 4.4.3 */
-#define LEAST_DHZ 5u /* 0.1 Hz: a reversal each second, docs/reference/protocol.md */
+#define MAX_DHZ 10000u /* 0.1 Hz: thesis 4.4.3 */
+#define MIN_DHZ 5u /* 0.1 Hz: a reversal each second, docs/reference/protocol.md */
 #define LONGEST_TTL_MS 2000u /* ms: a setting */
 #define DRIVE_QUEUE 8u /* drives: docs/reference/protocol.md */
 #define BURST_QUEUE 8u /* piezo bursts: docs/reference/protocol.md */

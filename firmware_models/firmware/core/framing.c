@@ -1,8 +1,8 @@
 #include "framing.h"
 
 #define CHECKSUM_SIZE 2u
-#define LEAST_COUNT (2u + CHECKSUM_SIZE)
-#define MOST_COUNT (LEAST_COUNT + MAX_PAYLOAD)
+#define MIN_COUNT (2u + CHECKSUM_SIZE)
+#define MAX_COUNT (MIN_COUNT + MAX_PAYLOAD)
 #define CRC_START 0xffffu
 #define CRC_OF_WHOLE 0xf0b8u /* what is left after a frame and its own checksum */
 
@@ -25,7 +25,7 @@ static void unstuffed(struct deframer *d, uint8_t byte)
 
 static bool whole(const struct deframer *d)
 {
-    return d->left == 0 && d->count >= LEAST_COUNT && d->count <= MOST_COUNT && d->crc == CRC_OF_WHOLE;
+    return d->left == 0 && d->count >= MIN_COUNT && d->count <= MAX_COUNT && d->crc == CRC_OF_WHOLE;
 }
 
 bool deframer_take(struct deframer *d, uint8_t byte)
@@ -57,7 +57,7 @@ bool deframer_take(struct deframer *d, uint8_t byte)
 
 uint8_t deframer_payload_size(const struct deframer *d)
 {
-    return (uint8_t)(d->count - LEAST_COUNT);
+    return (uint8_t)(d->count - MIN_COUNT);
 }
 
 uint8_t frame_finish(uint8_t *frame, uint8_t type, uint8_t seq, uint8_t payload_size)

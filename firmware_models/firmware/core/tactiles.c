@@ -120,8 +120,8 @@ static void edge(struct board *b, uint32_t due)
         line->waiting--;
     }
     line->on_count = on_count;
-    if (on_count > line->most_on)
-        line->most_on = on_count;
+    if (on_count > line->max_on)
+        line->max_on = on_count;
     prepare_next(t);
 }
 
@@ -456,7 +456,7 @@ static uint8_t arm(struct board *b, uint32_t now, uint16_t *detail)
     t->allowed_on = (uint8_t)(b->limits[1] / WORST_COIL_MA);
     t->excess = t->unasked = t->spared = false;
     t->doubts = 0;
-    t->timeline.most_on = 0;
+    t->timeline.max_on = 0;
     t->looked = now;
     t->look_due = now + LOOK_TICKS;
     t->paid = now + LOOK_TICKS;
@@ -510,8 +510,8 @@ static void look(struct tactiles *t, uint32_t now)
     t->spared = current <= NO_CURRENT_MA && t->timeline.waiting && !t->spared;
     uint16_t supply = t->spared ? UINT16_MAX : supply_mv(b);
     uint8_t key = port_lock(b);
-    uint8_t most = t->timeline.most_on;
-    uint8_t on = t->timeline.most_on = t->timeline.on_count;
+    uint8_t most = t->timeline.max_on;
+    uint8_t on = t->timeline.max_on = t->timeline.on_count;
     port_unlock(b, key);
 
     bool flows = current > NO_CURRENT_MA;
@@ -598,7 +598,7 @@ static const struct board_kind tactiles_kind = {
     .telemetry = MESSAGE_TACTILES_TELEMETRY,
     .telemetry_size = TACTILES_TELEMETRY_SIZE,
     .greater_is_stricter = 1u << 3,
-    .limits = {LONGEST_PULSE, COIL_CURRENT_MA, PULSE_QUEUE, LEAST_SUPPLY_MV, ON_TIME_MS},
+    .limits = {LONGEST_PULSE, COIL_CURRENT_MA, PULSE_QUEUE, MIN_SUPPLY_MV, ON_TIME_MS},
     .own = {{MESSAGE_PULSE, PULSE_SIZE}, {MESSAGE_CANCEL, CANCEL_SIZE}},
     .start = start,
     .arm = arm,

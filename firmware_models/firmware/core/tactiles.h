@@ -33,7 +33,7 @@ struct timeline {
 
     uint8_t on_count;
     struct running on[COILS_AT_ONCE];
-    uint8_t most_on; /* coils on at a time since the last look at the senses */
+    uint8_t max_on; /* coils on at a time since the last look at the senses */
 
     uint8_t head;    /* first pulse that waits */
     uint8_t waiting; /* how many do */

@@ -7,7 +7,7 @@
 
 enum { OUTPUTS = 5, KEPT = 64, TEST_V = 40, OUTPUT_MASK = 0x1F, HV = 1 << 10, POSITIVE = 1 << 11, NEGATIVE = 1 << 12 };
 enum { VOLTS, CURRENT, FREQUENCY, TTL, CHARGE }; /* limits */
-enum { STRAY_PF = 200, LEAST_DHZ = 5, SOUND_UA = 500 };
+enum { STRAY_PF = 200, MIN_DHZ = 5, SOUND_UA = 500 };
 #define TEST_TICKS (30 * MS_TICKS)  /* five outputs, each shorted for 1 ms and charged twice */
 
 struct drive {
@@ -104,7 +104,7 @@ static bool within_limits(const struct drive *d, uint16_t ttl) {
     if (d->volts == 0 || d->mask == 0 || d->mask & ~OUTPUT_MASK) return false;
     for (int k = 0; k < OUTPUTS; k++)
         if (d->mask >> k & 1 && tested_pf[k] == 0) return false;
-    return d->volts <= allowed.limits[VOLTS] && ttl > 0 && ttl <= allowed.limits[TTL] && d->dhz >= LEAST_DHZ &&
+    return d->volts <= allowed.limits[VOLTS] && ttl > 0 && ttl <= allowed.limits[TTL] && d->dhz >= MIN_DHZ &&
            d->dhz <= allowed.limits[FREQUENCY] && charge <= 1050.0 * allowed.limits[CHARGE] &&
            d->dhz <= 1.05 * 5e6 * allowed.limits[CURRENT] / charge;
 }

@@ -8,7 +8,7 @@
 #include "permission.h"
 
 enum { COILS = 15, KEPT = 64, WORST_MA = 3907, FEED = 1 << 15, ALL = 0x7FFF };
-enum { LONGEST, COIL_CURRENT, QUEUE, LEAST_SUPPLY, ON_TIME }; /* limits */
+enum { LONGEST, COIL_CURRENT, QUEUE, MIN_SUPPLY, ON_TIME }; /* limits */
 enum { SUPPLY_MV = 10, CURRENT_MA = 64, COIL_MA = 3600, NO_CURRENT_MA = 200 };
 #define UNIT_TICKS 100u
 #define LOOK_TICKS (3 * MS_TICKS)    /* a guard looks each millisecond */
@@ -117,7 +117,7 @@ static void check(uint32_t w) {
     REQUIRE(__builtin_popcount(w & ALL) * WORST_MA <= allowed.limits[COIL_CURRENT]);
 
     const uint32_t ma = current(w) * CURRENT_MA;
-    if (!(w & FEED) || supply * SUPPLY_MV >= allowed.limits[LEAST_SUPPLY]) low_since = now;
+    if (!(w & FEED) || supply * SUPPLY_MV >= allowed.limits[MIN_SUPPLY]) low_since = now;
     if (!(w & FEED) || ma <= allowed.limits[COIL_CURRENT]) excess_since = now;
     if (!(w & FEED) || w & ALL || ma <= NO_CURRENT_MA) stray_since = now;
     REQUIRE(now - low_since < LOOK_TICKS);
@@ -135,7 +135,7 @@ static void disturb(struct input *in) {
 
 static uint32_t convert(uint32_t input) { return input == 0 ? supply : current(word); }
 
-static bool fit(void) { return supply * SUPPLY_MV >= allowed.limits[LEAST_SUPPLY]; }
+static bool fit(void) { return supply * SUPPLY_MV >= allowed.limits[MIN_SUPPLY]; }
 
 static bool energised(uint32_t w) { return (w & (ALL | FEED)) != 0; }
 
@@ -143,7 +143,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t size);
 int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t size) {
     static const uint8_t types[] = {0x01, 0x02, 0x03, 0x04, 0x04, 0x05, 0x06, 0x07, 0x10, 0x10, 0x10, 0x10, 0x10, 0x11};
     static const struct oracle tactiles = {
-        .board = 1, .built = {200, 12000, 64, 3000, 2500}, .greater_is_stricter = 1 << LEAST_SUPPLY,
+        .board = 1, .built = {200, 12000, 64, 3000, 2500}, .greater_is_stricter = 1 << MIN_SUPPLY,
         .types = types, .type_count = sizeof types,
         .reset = reset, .shape = shape, .disturb = disturb, .mend = mend, .fit = fit, .granted = granted, .revoked = revoked,
         .outputs = outputs, .check = check, .convert = convert, .energised = energised};

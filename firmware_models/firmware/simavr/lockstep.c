@@ -18,7 +18,7 @@
 #define SUPPLY_MV 5000u
 #define FULL_SCALE 1023u
 #define BITS_PER_BYTE 10u
-#define LEAST_BYTE_CYCLES 320u /* 500 000 baud */
+#define MIN_BYTE_CYCLES 320u /* 500 000 baud */
 #define UNREAD_BYTES 2u        /* what the UART's receive buffer holds */
 #define LONGEST_BATCH 1000000u /* cycles that simavr may run without a look at its timers */
 
@@ -448,7 +448,7 @@ uint64_t lockstep_next(void *sim)
     const avr_cycle_timer_slot_t *timer = s->avr->cycle_timers.timer;
     if (s->avr->state == cpu_Sleeping && !s->avr->interrupt_state && timer)
         return timer->when;
-    return s->avr->cycle + LEAST_BYTE_CYCLES;
+    return s->avr->cycle + MIN_BYTE_CYCLES;
 }
 
 uint64_t lockstep_clock_begun(void *sim)

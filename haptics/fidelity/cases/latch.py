@@ -18,7 +18,7 @@ from haptics.errors import InputError
 from haptics.physics.latch.dynamic import DynamicLatch
 from haptics.physics.latch.parameters import LATCH, LatchParameters
 from haptics.physics.latch.plant import Latched
-from haptics.physics.latch.pulse import UNCERTAIN_WITHIN, latch_plant, least_pulse_s
+from haptics.physics.latch.pulse import UNCERTAIN_WITHIN, latch_plant, min_pulse_s
 from haptics.physics.thermal.one_node import THERMAL
 
 Stroke = tuple[float, float]
@@ -166,10 +166,10 @@ def _edge(rng: np.random.Generator) -> Iterator[LatchCase]:
             elif kind == "threshold":
                 direction = "off-on" if latched == "off" else "on-off"
                 at_nominal_v = volts * LATCH.resistance_ohm / parameters.resistance_ohm
-                least_s = least_pulse_s(at_nominal_v, direction, rise_k)
-                if not least_s < 40e-3:
+                min_s = min_pulse_s(at_nominal_v, direction, rise_k)
+                if not min_s < 40e-3:
                     continue
-                strokes = [(sign * volts, least_s * (1.0 + float(rng.choice([-1.0, 1.0]) * rng.uniform(0.025, 0.08))))]
+                strokes = [(sign * volts, min_s * (1.0 + float(rng.choice([-1.0, 1.0]) * rng.uniform(0.025, 0.08))))]
             elif kind == "reversed":
                 strokes = [(sign * volts, float(rng.uniform(1e-3, 4e-3))), (-sign * volts, float(rng.uniform(0.5e-3, 8e-3)))]
             elif kind == "train":

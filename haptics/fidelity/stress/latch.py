@@ -12,7 +12,7 @@ from haptics.fidelity.stress.tally import StressRow, Tally
 from haptics.physics.latch.dynamic import DynamicLatch
 from haptics.physics.latch.parameters import LATCH, LatchParameters
 from haptics.physics.latch.plant import Latched
-from haptics.physics.latch.pulse import LEVELS, latch_plant, least_pulse_s, switch
+from haptics.physics.latch.pulse import LEVELS, latch_plant, min_pulse_s, switch
 
 YEAR_S = 365.25 * 86400.0
 ARRIVAL_MS = {"event": 2.0, "table": 0.03, "dynamic": 0.01, "reference": 0.0}
@@ -66,8 +66,8 @@ def _near_the_threshold(level: str, count: int, seed: int) -> StressRow:
         volts, share = float(rng.uniform(4.5, 5.0)), float(rng.uniform(-0.019, 0.019))
 
         def question(direction: str = direction, volts: float = volts, share: float = share) -> float | None:
-            least_s = least_pulse_s(volts, direction, 0.0, level)
-            return None if switch(least_s * (1.0 + share), volts, direction, 0.0, level).uncertain else 1.0
+            min_s = min_pulse_s(volts, direction, 0.0, level)
+            return None if switch(min_s * (1.0 + share), volts, direction, 0.0, level).uncertain else 1.0
 
         tally.ask(question)
     return tally.row()

@@ -147,7 +147,7 @@ def straightening(rest: RestShape) -> dict[str, Floats]:
         kind, side = joint[:-2], joint[-1]
         if kind in _BELOW:
             wanted = ARM_DIRECTION[side] if kind in ("shoulder", "elbow") else LEG_DIRECTION[side]
-            turn = _least_rotation(above[:3, :3] @ (rest.at_m[f"{_BELOW[kind]}_{side}"] - rest.at_m[joint]), wanted)
+            turn = _min_rotation(above[:3, :3] @ (rest.at_m[f"{_BELOW[kind]}_{side}"] - rest.at_m[joint]), wanted)
         moves[joint] = about(moved(above, rest.at_m[joint]), turn) @ above
     return moves
 
@@ -215,7 +215,7 @@ def about(centre_m: Floats, turn: Floats) -> Floats:
     return move
 
 
-def _least_rotation(a: Floats, b: Floats) -> Floats:
+def _min_rotation(a: Floats, b: Floats) -> Floats:
     """The smallest rotation that turns a's direction into b's."""
     axis = np.cross(a, b)
     size = np.linalg.norm(axis)

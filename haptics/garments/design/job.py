@@ -24,7 +24,7 @@ from haptics.units import in_range, one_of
 
 STORE = "designs.h5"
 """Name of the design sequence in a design's folder."""
-LEAST_STRETCH = 1e-3
+MIN_STRETCH = 1e-3
 """A motion that changes no edge of the garment by more than this part does not load it."""
 
 FAST_VERTICES = 8000
@@ -211,9 +211,9 @@ def refuse_unloaded(body: Body, garment: Garment, motion: Motion, angle_deg: flo
 
     :raises InputError: no edge of the garment changes; the message names motions that do.
     """
-    if _stretch(body, garment, motion, angle_deg) > LEAST_STRETCH:
+    if _stretch(body, garment, motion, angle_deg) > MIN_STRETCH:
         return
-    others = [one.name for one in MOTIONS.values() if _stretch(body, garment, one, one.default_deg) > LEAST_STRETCH]
+    others = [one.name for one in MOTIONS.values() if _stretch(body, garment, one, one.default_deg) > MIN_STRETCH]
     raise InputError(
         f"motion = {motion.name!r} is not allowed for {garment.name}: it bends no joint under this garment, so that no cloth is "
         f"stretched; allowed: {', '.join(others)}"

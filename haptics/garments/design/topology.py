@@ -92,7 +92,7 @@ class BesoParameters(Parameters):
         0.001, "", "assumed", "tau, 5.5.4: change of the mean energy from one span of steps to the next", 0.0, 1.0
     )
     settled_steps: float = parameter(5, "", "assumed", "N, 5.5.4: steps in such a span", 1, 1000)
-    most_extra_steps: float = parameter(30, "", "assumed", "steps at the target after which it ends anyhow", 1, 10000)
+    max_extra_steps: float = parameter(30, "", "assumed", "steps at the target after which it ends anyhow", 1, 10000)
     filter_spread_m: float | None = field(default=None)
 
     def __post_init__(self) -> None:
@@ -134,10 +134,10 @@ def optimise(
     return sequence
 
 
-def evolve(alpha: Floats, design: Bools, designable: Bools, areas_m2: Floats, area_m2: float, most_added_m2: float) -> Bools:
+def evolve(alpha: Floats, design: Bools, designable: Bools, areas_m2: Floats, area_m2: float, max_added_m2: float) -> Bools:
     """The next design: steps 3 to 5 of 5.5.4.
 
-    The triangles of highest ``alpha``, as many as come nearest to ``area_m2``. If that adds more than ``most_added_m2``, only the
+    The triangles of highest ``alpha``, as many as come nearest to ``area_m2``. If that adds more than ``max_added_m2``, only the
     best of the cloth up to that area, and the best of the reinforced ones for the rest.
 
     :param alpha, design, designable, areas_m2: ``(triangles,)`` each.
@@ -146,8 +146,8 @@ def evolve(alpha: Floats, design: Bools, designable: Bools, areas_m2: Floats, ar
     ranked = ranked[designable[ranked]]
     best = first_by_area(ranked, areas_m2, area_m2)
     new = best[~design[best]]
-    if areas_m2[new].sum() > most_added_m2:
-        new = new[np.cumsum(areas_m2[new]) <= most_added_m2]
+    if areas_m2[new].sum() > max_added_m2:
+        new = new[np.cumsum(areas_m2[new]) <= max_added_m2]
         kept = first_by_area(ranked[design[ranked]], areas_m2, area_m2 - float(areas_m2[new].sum()))
         best = np.concatenate([new, kept])
     out = np.zeros(len(design), bool)
@@ -285,10 +285,10 @@ class _Evolution:
             there += 1
         span = int(self.p.settled_steps)
         if there < 2 * span:
-            return there >= self.p.most_extra_steps
+            return there >= self.p.max_extra_steps
         energies = np.array([step.energy_j for step in steps[-2 * span :]])
         change = abs(energies[span:].sum() - energies[:span].sum()) / energies[span:].sum()
-        return bool(change <= self.p.settled_change) or there >= self.p.most_extra_steps
+        return bool(change <= self.p.settled_change) or there >= self.p.max_extra_steps
 
 
 def _checked_start(start: Bools, designable: Bools) -> Bools:

@@ -14,7 +14,7 @@ from haptics.garments.mesh import Floats
 
 LARGEST_STEP_M = 0.01
 """No vertex moves farther in one step: a longer one may jump across the body."""
-MOST_STEPS = 300
+MAX_STEPS = 300
 SUFFICIENT = 1e-4
 """Part of the decrease foretold by the slope that a step must reach (Armijo)."""
 DROWNED = 1e-13
@@ -22,7 +22,7 @@ DROWNED = 1e-13
 HALVINGS = 40
 NEAR = 0.2
 """A step that leaves less than this part of the force is followed by others with the same factor."""
-LEAST_DAMPING_N_M3, FIRST_DAMPING_N_M3, MOST_DAMPING_N_M3 = 30.0, 1e4, 1e16
+MIN_DAMPING_N_M3, FIRST_DAMPING_N_M3, MAX_DAMPING_N_M3 = 30.0, 1e4, 1e16
 DAMPING_FACTOR = 8.0
 
 
@@ -70,7 +70,7 @@ def equilibrium(
     start_m: Floats,
     tolerance_n: float,
     damping_n_m3: float = 0.0,
-    most_steps: int = MOST_STEPS,
+    max_steps: int = MAX_STEPS,
 ) -> Solution:
     """Positions with no force left, from ``start_m``.
 
@@ -86,12 +86,12 @@ def equilibrium(
     :raises HapticsError: forces that are no numbers.
     """
     state, damping = state_at(np.array(start_m)), damping_n_m3
-    for step in range(most_steps):
+    for step in range(max_steps):
         residual = _residual_n(state)
         if residual <= tolerance_n:
             return Solution(state.positions_m, True, residual, step)
         damping = _factorise(state, solver, damping)
-        if damping > MOST_DAMPING_N_M3:
+        if damping > MAX_DAMPING_N_M3:
             return Solution(state.positions_m, False, residual, step)
         direction = -solver.solve(state.force_n.ravel()).reshape(state.force_n.shape)
         next_state, part = _advance(state_at, state, direction)
@@ -100,7 +100,7 @@ def equilibrium(
         state = _chords(state_at, solver, next_state, tolerance_n) if _size(next_state.force_n) < NEAR * residual else next_state
         damping = _next_damping(damping, part)
     residual = _residual_n(state)
-    return Solution(state.positions_m, residual <= tolerance_n, residual, most_steps)
+    return Solution(state.positions_m, residual <= tolerance_n, residual, max_steps)
 
 
 def _chords(state_at: Callable[[Floats], State], solver: SparseCholesky, state: State, tolerance_n: float) -> State:
@@ -127,7 +127,7 @@ def _size(forces: Floats) -> float:
 
 def _factorise(state: State, solver: SparseCholesky, damping: float) -> float:
     """Factor the stiffness with the least damping tried that gives a factor, and tell that damping; above the most: none does."""
-    while damping <= MOST_DAMPING_N_M3:
+    while damping <= MAX_DAMPING_N_M3:
         try:
             solver.factorise(state.stiffness(damping))
             return damping
@@ -140,8 +140,8 @@ def _next_damping(damping: float, part: float) -> float:
     if part > 0.9:
         damping /= DAMPING_FACTOR
     elif part < 0.3:
-        damping = max(DAMPING_FACTOR * damping, LEAST_DAMPING_N_M3)
-    return damping if damping >= LEAST_DAMPING_N_M3 else 0.0
+        damping = max(DAMPING_FACTOR * damping, MIN_DAMPING_N_M3)
+    return damping if damping >= MIN_DAMPING_N_M3 else 0.0
 
 
 def _advance(state_at: Callable[[Floats], State], state: State, direction: Floats) -> tuple[State, float]:

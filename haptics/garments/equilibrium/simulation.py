@@ -27,7 +27,7 @@ TOLERANCE_N = 1e-7
 """Force left over in the whole garment, 2-norm (thesis 5.4.4)."""
 COLD_DAMPING_N_M3 = 1e5
 """Damping to begin with where the start is the posed body's copy."""
-MOST_ROUNDS = 6
+MAX_ROUNDS = 6
 """Times that homes are let follow and the equilibrium is sought again."""
 NEAR_N = 1e-3
 """Force left over at which the vertices' homes are looked at for the first time."""
@@ -210,7 +210,7 @@ class GarmentOnBody:
         near = max(self.tolerance_n, NEAR_N)
         solution = equilibrium(self.state, self._solver, x, near, COLD_DAMPING_N_M3 if start is None else 0.0)
         steps, moved = solution.steps, True
-        for _ in range(MOST_ROUNDS):
+        for _ in range(MAX_ROUNDS):
             if not solution.converged or not moved:
                 break
             moved = self._go_home(solution.positions_m, left) or solution.residual_n > self.tolerance_n

@@ -23,7 +23,7 @@ NEIGHBOURS = 60
 """Body vertices that a home sees. Fewer truncate the support where the body's mesh is uneven."""
 
 
-LEAST_WEIGHT, FULL_WEIGHT = 1e-3, 1e-2
+MIN_WEIGHT, FULL_WEIGHT = 1e-3, 1e-2
 """Below the least sum of the phi_k, at nine tenths of every support, the quotient is steep and means nothing: no skin there. Phi
 fades between the two: a jump from deep inside to no skin would be a cliff in the energy, which no step gets down."""
 
@@ -163,11 +163,11 @@ def _walk(points, homes, vertices, lists):
 
 @njit(cache=True)
 def _fade(weight):
-    """0 at LEAST_WEIGHT, 1 from FULL_WEIGHT, with its two derivatives by the weight: the skin ends without a step."""
+    """0 at MIN_WEIGHT, 1 from FULL_WEIGHT, with its two derivatives by the weight: the skin ends without a step."""
     if weight >= FULL_WEIGHT:
         return 1.0, 0.0, 0.0
-    width = FULL_WEIGHT - LEAST_WEIGHT
-    t = (weight - LEAST_WEIGHT) / width
+    width = FULL_WEIGHT - MIN_WEIGHT
+    t = (weight - MIN_WEIGHT) / width
     return t**3 * (10 - 15 * t + 6 * t * t), 30 * t * t * (1 - t) ** 2 / width, 60 * t * (1 - t) * (1 - 2 * t) / width**2
 
 
@@ -217,7 +217,7 @@ def _imls(points, homes, vertices, normals, support, lists, order):
                     curved = bend * x[a] * x[b] + (slope if a == b else 0.0)
                     top2[a, b] += slope * (normals[k, a] * x[b] + x[a] * normals[k, b]) + plane * curved
                     bottom2[a, b] += curved
-        if bottom <= LEAST_WEIGHT:
+        if bottom <= MIN_WEIGHT:
             continue
         phi[i] = top / bottom
         fade, fade1, fade2 = _fade(bottom)

@@ -99,7 +99,7 @@ def coverage_for(
     return float(root_scalar(lambda c: force_at(float(c)) - force_n, bracket=(0.0, 1.0), xtol=5e-4).root)
 
 
-def most_energy_j(
+def max_energy_j(
     coverage: float,
     strain: float = 0.1,
     lame: Lame = "plane",

@@ -16,7 +16,7 @@ from haptics.errors import InputError
 from haptics.garments.mesh import Bools, Floats, Ints, SurfaceMesh
 from haptics.garments.patch.bands import Layout
 
-MOST_ROUNDS = 30
+MAX_ROUNDS = 30
 CLEARANCE = 0.6
 """Lattice points nearer than this part of the spacing to a line are left out."""
 GRADING = 0.5
@@ -45,7 +45,7 @@ def patch_mesh(layout: Layout, side_m: float, elements: int) -> SurfaceMesh:
         length = np.linalg.norm(b - a, axis=1)
         return (length > FINEST * spacing) & (length > GRADING * near.query(0.5 * (a + b))[0])
 
-    for _ in range(MOST_ROUNDS):
+    for _ in range(MAX_ROUNDS):
         points, numbers = _merged([*pieces, free], side_m)
         triangles = Delaunay(points).simplices.astype(np.int64)
         edges = _keys(triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), len(points))

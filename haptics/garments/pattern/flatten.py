@@ -15,7 +15,7 @@ from haptics.errors import InputError
 from haptics.garments.cut.coarsening import libigl
 from haptics.garments.mesh import Floats, SurfaceMesh
 
-SLIM_STEPS, MOST_SLIM_STEPS = 3, 90
+SLIM_STEPS, MAX_SLIM_STEPS = 3, 90
 SETTLED = 1e-4
 """Iterations end when no stretch has changed by more than this in three steps."""
 
@@ -57,7 +57,7 @@ def flatten(disc: SurfaceMesh, settled: float = SETTLED) -> Floats:
     start = _conformal(igl, scaled, boundary)
     if _area_ratios(scaled, start).min() <= 0:
         start = _on_a_circle(scaled, boundary)
-    flat = _area_kept(scaled, _least_distorted(igl, scaled, _area_kept(scaled, start), settled))
+    flat = _area_kept(scaled, _min_distorted(igl, scaled, _area_kept(scaled, start), settled))
     flipped = int((_area_ratios(scaled, flat) <= 0).sum())
     if flipped:
         raise InputError(
@@ -146,7 +146,7 @@ def _on_a_circle(disc: SurfaceMesh, boundary: list[int]) -> Floats:
     return flat
 
 
-def _least_distorted(igl: Any, disc: SurfaceMesh, start: Floats, settled: float) -> Floats:
+def _min_distorted(igl: Any, disc: SurfaceMesh, start: Floats, settled: float) -> Floats:
     """SLIM from ``start`` until the stretches no longer change."""
     free, nowhere = np.zeros(0, np.int32), np.asfortranarray(np.zeros((0, 2)))
     corners = np.asfortranarray(disc.triangles.astype(np.int32))
@@ -155,7 +155,7 @@ def _least_distorted(igl: Any, disc: SurfaceMesh, start: Floats, settled: float)
         np.asfortranarray(disc.vertices_m), corners, np.asfortranarray(start), energy, free, nowhere, soft_p=0.0
     )
     flat = start
-    for _ in range(0, MOST_SLIM_STEPS, SLIM_STEPS):
+    for _ in range(0, MAX_SLIM_STEPS, SLIM_STEPS):
         before, flat = flat, np.array(igl.slim_solve(slim, SLIM_STEPS)[:, :2])
         change = np.linalg.svd(gradients(disc, flat), compute_uv=False) - np.linalg.svd(gradients(disc, before), compute_uv=False)
         if np.abs(change).max() < settled:

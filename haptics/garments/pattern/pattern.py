@@ -28,8 +28,8 @@ class PatternOptions:
     :param seam_side: where a tube's seam goes, seen from its axis.
     :param up: laid upwards on the sheet, marked by the arrow from ``down_label`` to ``up_label``; None takes (0, 0, 1), or on a
         tube the direction from its lower opening to its upper.
-    :param most_distortion: panels with a larger root mean square error of lengths are halved, 0.001 to 1.
-    :param most_panels: as long as there are fewer than this, 1 to 26.
+    :param max_distortion: panels with a larger root mean square error of lengths are halved, 0.001 to 1.
+    :param max_panels: as long as there are fewer than this, 1 to 26.
     :param smoothing_m: smoothing length of the reinforcement's outline, 0 (none) to 0.1; None takes the mean edge of the mesh.
     :param smallest_feature_m: what the cutter can do; narrower places are reported, 0 to 0.05.
     :param seam_allowance_m: added round the cloth, 0 to 0.05.
@@ -45,8 +45,8 @@ class PatternOptions:
     up: tuple[float, float, float] | None = None
     up_label: str = "up"
     down_label: str = "down"
-    most_distortion: float = 0.03
-    most_panels: int = 8
+    max_distortion: float = 0.03
+    max_panels: int = 8
     smoothing_m: float | None = None
     smallest_feature_m: float = 2e-3
     seam_allowance_m: float = 0.0
@@ -61,8 +61,8 @@ class PatternOptions:
             direction = np.asarray(getattr(self, name), float)
             if direction.shape != (3,) or not np.isfinite(direction).all() or not np.linalg.norm(direction) > 0:
                 raise InputError(f"{name} = {getattr(self, name)!r} is not allowed; allowed: three finite numbers, not all 0")
-        in_range("most_distortion", self.most_distortion, 0.001, 1.0)
-        in_range("most_panels", self.most_panels, 1, len(ascii_uppercase))
+        in_range("max_distortion", self.max_distortion, 0.001, 1.0)
+        in_range("max_panels", self.max_panels, 1, len(ascii_uppercase))
         if self.smoothing_m is not None:
             in_range("smoothing_m", self.smoothing_m, 0.0, 0.1, "m")
         in_range("smallest_feature_m", self.smallest_feature_m, 0.0, 0.05, "m")
@@ -181,7 +181,7 @@ def make_pattern(
             raise InputError(f"label {text!r} is not allowed; allowed: text on one line without control characters")
     front, side = direction(options.front), direction(options.seam_side)
     up = _upwards(rest) if options.up is None else direction(options.up)
-    cloth, flats = cut_to_fit(rest, design, front, side, options.most_distortion, options.most_panels)
+    cloth, flats = cut_to_fit(rest, design, front, side, options.max_distortion, options.max_panels)
     edges = rest.vertices_m[rest.edges]
     smoothing_m = float(np.linalg.norm(edges[:, 0] - edges[:, 1], axis=1).mean())
     smoothing_m = smoothing_m if options.smoothing_m is None else options.smoothing_m

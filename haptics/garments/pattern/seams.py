@@ -57,15 +57,15 @@ class FlatPanel:
 
 
 def cut_to_fit(
-    garment: SurfaceMesh, design: Bools, front: Floats, seam_side: Floats, most_distortion: float, most_panels: int
+    garment: SurfaceMesh, design: Bools, front: Floats, seam_side: Floats, max_distortion: float, max_panels: int
 ) -> tuple[Cloth, list[FlatPanel]]:
     """The garment cut into panels, each laid flat.
 
     :param design: reinforced triangles, which seams of tubes keep clear of, ``(triangles,)``.
     :param front: direction that the wearer faces, ``(3,)``.
     :param seam_side: direction from a tube's axis to where its seam should be, ``(3,)``.
-    :param most_distortion: halve panels whose root mean square error of lengths is above this, while there are fewer than
-        ``most_panels``.
+    :param max_distortion: halve panels whose root mean square error of lengths is above this, while there are fewer than
+        ``max_panels``.
     :raises InputError: more than one piece, handles, no opening, or a panel that cannot be laid flat.
     """
     cloth = Cloth.uncut(garment)
@@ -75,13 +75,13 @@ def cut_to_fit(
     while tubes := [panel for panel in cloth.panels if len(panel.loops) > 1]:
         cloth = _joined(cloth, tubes[0], design, seam_side)
     panels = [_laid_flat(panel) for panel in cloth.panels]
-    while len(panels) < most_panels and (finer := _halved(cloth, panels, design, most_distortion)) is not None:
+    while len(panels) < max_panels and (finer := _halved(cloth, panels, design, max_distortion)) is not None:
         cloth, panels = finer
     over = [i for i, panel in enumerate(panels) if np.isinf(panel.error)]
     if over:
         raise InputError(
             f"{garment.name}: {len(over)} of {len(panels)} panels lie over themselves when flat; allowed: none "
-            f"(more than {most_panels} panels may help)"
+            f"(more than {max_panels} panels may help)"
         )
     return cloth, panels
 
@@ -203,10 +203,10 @@ def _level_about(tube: Panel, path: Ints, by_hand: Cloth, width: int) -> tuple[F
     return level, strip
 
 
-def _halved(cloth: Cloth, panels: list[FlatPanel], design: Bools, most_distortion: float) -> tuple[Cloth, list[FlatPanel]] | None:
+def _halved(cloth: Cloth, panels: list[FlatPanel], design: Bools, max_distortion: float) -> tuple[Cloth, list[FlatPanel]] | None:
     """The worst panel that gets better by it cut in two; None where no panel is too bad or none gets better."""
     for whole in sorted(panels, key=lambda panel: -panel.error):
-        if whole.error <= most_distortion:
+        if whole.error <= max_distortion:
             return None
         rated: list[tuple[float, Cloth]] = []
         for level in _straight_lines(whole):

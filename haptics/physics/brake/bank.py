@@ -20,13 +20,13 @@ from haptics.errors import InputError
 from haptics.physics.brake import kernel as loop
 from haptics.physics.brake.dynamic import FRICTIONS
 from haptics.physics.brake.finger import finger_parameters
-from haptics.physics.brake.lagged import CAPACITANCE_EVERY_S, GREATEST_STEP_S, LEAST_STEP_S
+from haptics.physics.brake.lagged import CAPACITANCE_EVERY_S, MAX_STEP_S, MIN_STEP_S
 from haptics.physics.brake.system import BrakeSystem, ForceTable
 from haptics.units import in_range, one_of
 
 LEVELS = ("lagged", "dynamic")
 STEP_S = 1e-3
-GREATEST_COUNT = 10_000_000
+MAX_COUNT = 10_000_000
 Floats = NDArray[np.float64]
 
 
@@ -53,13 +53,13 @@ class BrakeBank:
         friction: str = "coulomb",
         compiled: bool = True,
     ):
-        self.count = int(in_range("count", count, 1, GREATEST_COUNT))
+        self.count = int(in_range("count", count, 1, MAX_COUNT))
         self.system = system = BrakeSystem() if system is None else system
         one_of("reversal", system.reversal, ("clamped",))
         in_range("reservoir_f", system.drive.reservoir_f, 0.0, 0.0, "F")
         one_of("friction", friction, FRICTIONS)
         self._model = 0 if one_of("level", level, LEVELS) == "lagged" else 1 + FRICTIONS.index(friction)
-        self.step_s = in_range("step_s", step_s, LEAST_STEP_S, GREATEST_STEP_S, "s")
+        self.step_s = in_range("step_s", step_s, MIN_STEP_S, MAX_STEP_S, "s")
         self._every = max(1, round(CAPACITANCE_EVERY_S / self.step_s))
         self._steps = 0
         self._force = ForceTable(system, 0)

@@ -243,7 +243,7 @@ def eq44_power_w(volts: float, frequency_hz: float, capacitance_f: float) -> flo
     return 0.5 * capacitance_f * volts**2 * frequency_hz
 
 
-def greatest_frequency_hz(set_v: float, capacitance_f: float, drive: DriveParameters = DRIVE, reversal: str = "clamped") -> float:
+def max_frequency_hz(set_v: float, capacitance_f: float, drive: DriveParameters = DRIVE, reversal: str = "clamped") -> float:
     """Fastest full swing the supply's current allows: ``I / (2 C V)`` clamped, ``I / (4 C V)`` direct; at most the bridge's.
 
     :param capacitance_f: of all clutches on the supply together; stray is added here.

@@ -19,7 +19,7 @@ from haptics.physics.brake.system import BrakeSystem
 from haptics.units import in_range
 
 STEP_S = 0.5e-3
-LEAST_STEP_S, GREATEST_STEP_S = 1e-6, 100e-3
+MIN_STEP_S, MAX_STEP_S = 1e-6, 100e-3
 CAPACITANCE_EVERY_S = 1e-3
 """How often capacitance follows sliding strips, on the grid; at 1 mm/s it moves by 1e-4 of itself meanwhile."""
 HELD = 1.0 - 1e-7
@@ -41,7 +41,7 @@ class LaggedBrakes(BrakeBase):
 
     def __init__(self, system: BrakeSystem, start_s: float = 0.0, step_s: float = STEP_S):
         super().__init__(system, start_s)
-        self._step_s = in_range("step_s", step_s, LEAST_STEP_S, GREATEST_STEP_S, "s")
+        self._step_s = in_range("step_s", step_s, MIN_STEP_S, MAX_STEP_S, "s")
         self._half_step_s = 0.5 * self._step_s
         self._to_s = self._start_s
         self._halves = 0

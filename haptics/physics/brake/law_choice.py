@@ -29,7 +29,7 @@ class LawValidity:
     ``use``: "interpolation" (the points bear it out between them), "upper_bound" (it lies above all of them) or "none".
     ``volts`` and ``force_n`` span the points. Overlap, thickness, permittivity and strips were measured at one value each; away
     from it a law scales by its own formula, untested. ``frequency_hz``: the drive's 10 or 20 Hz (thesis 4.4.3).
-    ``greatest_error``: largest departure from a point of the span, as a share of that point.
+    ``max_error``: largest departure from a point of the span, as a share of that point.
     """
 
     use: str
@@ -40,7 +40,7 @@ class LawValidity:
     permittivity: Span
     strips: Span
     frequency_hz: Span
-    greatest_error: float
+    max_error: float
 
 
 @dataclass(frozen=True)
@@ -188,7 +188,7 @@ def _validity(law: ForceLaw, points: Points, fitted_parameters: int) -> LawValid
         permittivity=(BRAKE.permittivity, BRAKE.permittivity),
         strips=(1, 1),
         frequency_hz=(10.0, 20.0),
-        greatest_error=max(abs(law.force_n(v) / f - 1.0) for v, f in points),
+        max_error=max(abs(law.force_n(v) / f - 1.0) for v, f in points),
     )
 
 

@@ -21,7 +21,7 @@ class BrakeParameters(Parameters):
 
 
 BRAKE = BrakeParameters()
-GREATEST_VOLTS = 1500.0
+MAX_VOLTS = 1500.0
 """Greatest amplitude at which force was measured (thesis 4.7.3), and the setpoint's limit."""
 
 

@@ -8,17 +8,17 @@ from haptics.physics.brake.charging import (
     DRIVE,
     DriveParameters,
     eq44_power_w,
-    greatest_frequency_hz,
+    max_frequency_hz,
     rise_time_s,
     steady_half_period,
 )
 from haptics.physics.brake.force_laws import force_law
-from haptics.physics.brake.parameters import BRAKE, GREATEST_VOLTS, BrakeParameters, capacitance_f, compression_n
+from haptics.physics.brake.parameters import BRAKE, MAX_VOLTS, BrakeParameters, capacitance_f, compression_n
 from haptics.units import in_range
 
-GREATEST_FIELD_V_PER_M = 150e6
+MAX_FIELD_V_PER_M = 150e6
 """Field a controller may set: half of breakdown (assumed)."""
-LEAST_FREQUENCY_HZ = 0.5
+MIN_FREQUENCY_HZ = 0.5
 """Below a reversal each second, charge creeps into the dielectric and holds after switch-off (thesis 4.4.3; figure assumed)."""
 
 
@@ -30,7 +30,7 @@ class BrakePrediction:
     standard deviation from the law's fit. ``compression_ideal_n`` and ``friction_ideal_n`` are Eq 4.2 and 4.3 at ``volts``.
     ``capacitance_f`` is one clutch's (all its strips). ``t90_ms`` from 0 V to 90 % of ``volts``, all clutches charging together.
     ``power_eq44_w`` is Eq 4.4 for one clutch; ``supply_power_w`` the mean of v i at the supply's output for all of them, stray
-    and bleeder included. ``greatest_frequency_hz`` is what the supply's current allows at full swing.
+    and bleeder included. ``max_frequency_hz`` is what the supply's current allows at full swing.
     ``valid`` is False with ``reasons`` where the figures are outside what was measured or allowed.
     """
 
@@ -51,7 +51,7 @@ class BrakePrediction:
     friction_ideal_n: float
     field_v_per_um: float
     t90_ms: float
-    greatest_frequency_hz: float
+    max_frequency_hz: float
     power_eq44_w: float
     supply_power_w: float
     stored_charge_c: float
@@ -90,7 +90,7 @@ def predict_brake(
     one_f = capacitance_f(overlap_m2, thickness_m, permittivity, strips)
     reached_v = min(volts, drive.supply_volts)
     half = steady_half_period(reached_v, frequency_hz, clutches * one_f, drive, reversal)
-    fastest_hz = greatest_frequency_hz(volts, clutches * one_f, drive, reversal)
+    fastest_hz = max_frequency_hz(volts, clutches * one_f, drive, reversal)
     power_w = half.energy_j * (2.0 * frequency_hz if frequency_hz else 1.0)
     field = volts / thickness_m
     broken = field > brake.breakdown_v_per_m
@@ -98,17 +98,17 @@ def predict_brake(
     if broken:
         limit = brake.breakdown_v_per_m * 1e-6
         reasons.append(f"field of {field * 1e-6:.4g} V/um is past breakdown ({limit:g} V/um): a fault, not a force")
-    elif field > GREATEST_FIELD_V_PER_M:
-        limit = GREATEST_FIELD_V_PER_M * 1e-6
+    elif field > MAX_FIELD_V_PER_M:
+        limit = MAX_FIELD_V_PER_M * 1e-6
         reasons.append(f"field of {field * 1e-6:.4g} V/um is above the {limit:g} V/um a controller may set")
-    if volts > GREATEST_VOLTS:
-        reasons.append(f"{volts:g} V is above the {GREATEST_VOLTS:g} V up to which force was measured")
+    if volts > MAX_VOLTS:
+        reasons.append(f"{volts:g} V is above the {MAX_VOLTS:g} V up to which force was measured")
     if volts > drive.supply_volts:
         reasons.append(f"{volts:g} V is above the supply's {drive.supply_volts:g} V")
     if frequency_hz > fastest_hz:
         reasons.append(f"{frequency_hz:g} Hz is above the {fastest_hz:.4g} Hz of full swing that supply and bridge allow")
-    if frequency_hz < LEAST_FREQUENCY_HZ:
-        reasons.append(f"{frequency_hz:g} Hz leaves charge behind; at least {LEAST_FREQUENCY_HZ:g} Hz is needed")
+    if frequency_hz < MIN_FREQUENCY_HZ:
+        reasons.append(f"{frequency_hz:g} Hz leaves charge behind; at least {MIN_FREQUENCY_HZ:g} Hz is needed")
     if power_w > drive.supply_power_w:
         reasons.append(f"{power_w:.4g} W is above the supply's {drive.supply_power_w:g} W")
     geometry = (overlap_m2, thickness_m, permittivity, strips)
@@ -131,7 +131,7 @@ def predict_brake(
         friction_ideal_n=brake.friction * compression,
         field_v_per_um=field * 1e-6,
         t90_ms=1e3 * rise_time_s(volts, clutches * one_f, drive),
-        greatest_frequency_hz=fastest_hz,
+        max_frequency_hz=fastest_hz,
         power_eq44_w=eq44_power_w(volts, frequency_hz, one_f),
         supply_power_w=power_w,
         stored_charge_c=clutches * one_f * volts,

@@ -28,7 +28,7 @@ _HALF_PERIODS = 8
 _LONGEST_HALF_S = 1.0
 """Below 0.5 Hz, where no brake should be driven, the pull is over before the wave has come round."""
 _SAMPLE_S = 0.5e-3
-_LEAST_RELEASED_N = 0.05
+_MIN_RELEASED_N = 0.05
 """A brake that holds less than this, ten times the off force, has no release worth a time."""
 
 
@@ -71,8 +71,8 @@ def pull(
     engaged_s = max(0.5, 4 * half_s)
     plant.drive(0.0, (1 << system.outputs) - 1, volts, frequency_hz)
     rise = _watch(plant, engaged_s)
-    most_n = max(force_n for _, force_n in rise)
-    loaded_m = tester.slack_m + most_n / series_stiffness_n_m(tester)
+    max_n = max(force_n for _, force_n in rise)
+    loaded_m = tester.slack_m + max_n / series_stiffness_n_m(tester)
     loading_s = max(0.1, 2 * half_s)
     plant.move(0, engaged_s, 0.0, loaded_m / loading_s)
     plant.advance(engaged_s + loading_s)
@@ -88,14 +88,14 @@ def pull(
     held_n, off_s = plant.capacity_n[0], plant.now_s
     plant.drive(off_s, 0, 0.0, 0.0)
     released_s = math.nan
-    if held_n > _LEAST_RELEASED_N:
+    if held_n > _MIN_RELEASED_N:
         fall = _watch(plant, off_s + 5.0 * system.contact.tau_off_s + 0.1)
         released_s = _first_s([(at_s, -force_n) for at_s, force_n in fall], -0.1 * held_n) - off_s
     return Pull(
         level=level,
         plateau_n=sum(tension_n) / len(tension_n),
         ripple_n=max(tension_n) - min(tension_n),
-        response_ms=1e3 * _first_s(rise, 0.9 * most_n),
+        response_ms=1e3 * _first_s(rise, 0.9 * max_n),
         release_ms=1e3 * released_s,
     )
 

@@ -16,7 +16,7 @@ from haptics.physics.brake.force_laws import ForceLaw, default_law
 from haptics.physics.brake.parameters import BRAKE, BrakeParameters, capacitance_f
 from haptics.units import in_range, one_of
 
-GREATEST_OUTPUTS = 8
+MAX_OUTPUTS = 8
 _TABLE_POINTS = 1000
 """Least number of table steps between 0 V and breakdown."""
 
@@ -43,8 +43,8 @@ class BrakeSystem:
     reversal: str = "clamped"
 
     def __post_init__(self) -> None:
-        if not 1 <= len(self.laws) <= GREATEST_OUTPUTS:
-            raise InputError(f"laws = {len(self.laws)} laws is not allowed; allowed: 1 to {GREATEST_OUTPUTS}, one an output")
+        if not 1 <= len(self.laws) <= MAX_OUTPUTS:
+            raise InputError(f"laws = {len(self.laws)} laws is not allowed; allowed: 1 to {MAX_OUTPUTS}, one an output")
         if len(self.force_gain) not in (1, len(self.laws)):
             raise InputError(f"force_gain = {len(self.force_gain)} gains is not allowed; allowed: 1 or {len(self.laws)}")
         if self.overlaps_m2 is not None and len(self.overlaps_m2) != len(self.laws):

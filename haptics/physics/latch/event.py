@@ -97,7 +97,7 @@ class EventLatch:
             if left > 0.0:
                 self._speed = (1.0 if toward_on else -1.0) / travel_s
                 self._arrival_s = time_s + left * travel_s
-            share = self._table.least_s(toward_on, effective_v) / travel_s
+            share = self._table.min_s(toward_on, effective_v) / travel_s
             self._watershed = share if toward_on else 1.0 - share
             self._escape_s = self._table.on_escape_s if toward_on else self._table.off_escape_s
             if not toward_on and self._touching_skin:

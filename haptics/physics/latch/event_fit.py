@@ -36,7 +36,7 @@ def fit_travel(parameters: LatchParameters) -> TravelTable:
                 f"level event cannot describe {parameters}: to {side}, it does not switch all over "
                 f"{FITTED_V[0]:g} to {FITTED_V[1]:g} V; allowed: levels table, dynamic and reference"
             )
-        least = [(volts, _least_s(parameters, side, volts)) for volts in _range()]
+        least = [(volts, _min_s(parameters, side, volts)) for volts in _range()]
         for name, points in (("travel", travel), ("least", least)):
             at_nominal_s, zero_v, power, error = _fit(points)
             if error > _FAITHFUL:
@@ -48,7 +48,7 @@ def fit_travel(parameters: LatchParameters) -> TravelTable:
         events = _flight(parameters, side, NOMINAL_VOLTS, _LONGEST_S)
         arrived = next(event for event in events if event.kind == _arrival(side))
         left = next((event.time_s for event in events if event.kind == "left_skin"), 0.0)
-        values |= {f"{side}_impact_m_s": abs(arrived.speed_m_s), f"{side}_least_v": _least_v(parameters, side)}
+        values |= {f"{side}_impact_m_s": abs(arrived.speed_m_s), f"{side}_min_v": _min_v(parameters, side)}
         values[f"{side}_escape_s"] = _escape_s(parameters)
         if side == "off":
             values["off_leave_fraction"] = left / arrived.time_s
@@ -78,7 +78,7 @@ def _travel_s(parameters: LatchParameters, side: str, volts: float) -> float:
     return next((event.time_s for event in events if event.kind == _arrival(side)), math.inf)
 
 
-def _least_s(parameters: LatchParameters, side: str, volts: float) -> float:
+def _min_s(parameters: LatchParameters, side: str, volts: float) -> float:
     low, high = 0.0, _travel_s(parameters, side, volts)
     while high - low > 1e-7:
         middle = 0.5 * (low + high)
@@ -87,7 +87,7 @@ def _least_s(parameters: LatchParameters, side: str, volts: float) -> float:
     return high
 
 
-def _least_v(parameters: LatchParameters, side: str) -> float:
+def _min_v(parameters: LatchParameters, side: str) -> float:
     low, high = 0.0, FITTED_V[0]
     while high - low > 1e-3:
         middle = 0.5 * (low + high)

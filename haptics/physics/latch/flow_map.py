@@ -28,7 +28,7 @@ UNTABLED = 7
 """Why ``fly`` came back, besides what ``kernel`` tells: here the table has no answer."""
 _NODES = ((41, 21, 21), (61, 31, 31))  # of position, speed, voltage; the first that is fine enough is used
 _SUBSTEPS = 20
-_GREATEST_V = 1.4 * NOMINAL_VOLTS  # the coldest coil of least resistance draws as much as this at 5 V
+_MAX_V = 1.4 * NOMINAL_VOLTS  # the coldest coil of least resistance draws as much as this at 5 V
 _FAITHFUL = 2e-5  # of the stroke: greatest error over a span with which a table is used
 
 
@@ -223,9 +223,9 @@ def _flow_table(p: LatchParameters) -> FlowTable | None:
     # The current's slow course must be reached well within a span; and a pin that stops at once has no flight to speak of.
     if rate * SPAN_S < 10.0 or beta * SPAN_S > 5.0:
         return None
-    v_max = _greatest_speed(p)
+    v_max = _max_speed(p)
     for counts in _NODES:
-        ends = ((0.0, p.stroke_m), (-v_max, v_max), (-_GREATEST_V, _GREATEST_V))
+        ends = ((0.0, p.stroke_m), (-v_max, v_max), (-_MAX_V, _MAX_V))
         axes = [np.linspace(*end, count) for end, count in zip(ends, counts, strict=True)]
         x, v, u = np.meshgrid(*axes, indexing="ij")
         nodes = np.stack(_after_a_span(x, v, u, p), axis=-1)
@@ -236,7 +236,7 @@ def _flow_table(p: LatchParameters) -> FlowTable | None:
             tried = _halfway(tried, axis)
         error_m = float(np.max(np.abs(tried[..., 0] - true[0])))
         if error_m <= _FAITHFUL * p.stroke_m:
-            return FlowTable((SPAN_S, v_max, _GREATEST_V, p.resistance_ohm), nodes, error_m)
+            return FlowTable((SPAN_S, v_max, _MAX_V, p.resistance_ohm), nodes, error_m)
     return None
 
 
@@ -277,8 +277,8 @@ def _acceleration(x: np.ndarray, v: np.ndarray, u: np.ndarray, p: LatchParameter
     return (k * i + pull) / p.mass_kg
 
 
-def _greatest_speed(p: LatchParameters) -> float:
+def _max_speed(p: LatchParameters) -> float:
     """A speed that a pin started at rest does not pass between the stops at the greatest voltage: by energy, and by drag."""
-    force = p.thrust_n_a * _GREATEST_V / p.resistance_ohm + max(p.hold_on_n, p.hold_off_n)
+    force = p.thrust_n_a * _MAX_V / p.resistance_ohm + max(p.hold_on_n, p.hold_off_n)
     by_energy = math.sqrt(2.0 * force * p.stroke_m / p.mass_kg)
     return min(by_energy, force / p.drag_n_s_m) if p.drag_n_s_m else by_energy

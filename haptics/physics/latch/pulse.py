@@ -44,8 +44,8 @@ class LatchOutcome:
     """What one pulse does to an actuator at rest.
 
     ``arrival_s``: from the pulse's beginning to the far stop, None if it is not reached. ``impact_m_s``: speed there, unsigned.
-    ``energy_j``: electrical. ``least_pulse_s``: the shortest pulse that switches under the same voltage and heat (infinite if
-    none up to 50 ms does). ``margin``: ``pulse_s / least_pulse_s - 1``; ``uncertain`` if within 2 % of zero.
+    ``energy_j``: electrical. ``min_pulse_s``: the shortest pulse that switches under the same voltage and heat (infinite if
+    none up to 50 ms does). ``margin``: ``pulse_s / min_pulse_s - 1``; ``uncertain`` if within 2 % of zero.
     ``valid``: False outside the stated drive, or what the level answers for, with ``reasons``.
     """
 
@@ -54,7 +54,7 @@ class LatchOutcome:
     impact_m_s: float | None
     energy_j: float
     final_state: Latched
-    least_pulse_s: float
+    min_pulse_s: float
     margin: float
     uncertain: bool
     valid: bool
@@ -103,13 +103,13 @@ def switch(
         stop than the forces are known for (a long one of some 35 V or more, cold, into the foam under the off plate).
     """
     in_range("pulse_s", pulse_s, 0.0, LONGEST_TRIED_S, "s")
-    least_s = least_pulse_s(volts, direction, rise_k, level, parameters)
+    min_s = min_pulse_s(volts, direction, rise_k, level, parameters)
     plant = _pulsed(pulse_s, volts, direction, rise_k, level, parameters)
     target: Latched = "on" if direction == "off-on" else "off"
     switched = plant.latched == target
     kind = "reached_skin" if target == "on" else "reached_off"
     arrivals = [event for event in plant.take_events() if event.kind == kind] if switched else []
-    margin = pulse_s / least_s - 1.0 if math.isfinite(least_s) else -1.0
+    margin = pulse_s / min_s - 1.0 if math.isfinite(min_s) else -1.0
     reasons: list[str] = []
     if pulse_s > LONGEST_PULSE_S * (1 + 1e-9):
         reasons.append(f"pulse of {pulse_s * 1e3:g} ms is longer than the stated {LONGEST_PULSE_S * 1e3:g} ms")
@@ -122,7 +122,7 @@ def switch(
         impact_m_s=abs(arrivals[0].speed_m_s) if arrivals else None,
         energy_j=plant.energy_j,
         final_state=plant.latched,
-        least_pulse_s=least_s,
+        min_pulse_s=min_s,
         margin=margin,
         uncertain=abs(margin) < UNCERTAIN_WITHIN,
         valid=not reasons,
@@ -132,7 +132,7 @@ def switch(
 
 
 @lru_cache(maxsize=256)
-def least_pulse_s(
+def min_pulse_s(
     volts: float = NOMINAL_VOLTS,
     direction: str = "off-on",
     rise_k: float = 0.0,
@@ -146,11 +146,11 @@ def least_pulse_s(
     _check(volts, direction, rise_k, level)
     if level == "event":
         effective_v = effective_volts(volts, checked_resistance(parameters, rise_k))
-        least_s = travel_table(parameters).least_s(direction == "off-on", effective_v)
-        return least_s if least_s <= _SEARCH_S else math.inf
+        min_s = travel_table(parameters).min_s(direction == "off-on", effective_v)
+        return min_s if min_s <= _SEARCH_S else math.inf
     if level == "reference":
         # The two agree to a few nanoseconds, and the search asks twenty times.
-        return least_pulse_s(volts, direction, rise_k, "dynamic", parameters)
+        return min_pulse_s(volts, direction, rise_k, "dynamic", parameters)
     target = "on" if direction == "off-on" else "off"
 
     def switches(pulse_s: float) -> bool:

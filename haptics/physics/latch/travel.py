@@ -23,38 +23,38 @@ class TravelTable(Parameters):
     on_travel_s: float = parameter(4.8561e-3, "s", "identified", _FROM, low=1e-5, high=1.0)
     on_travel_zero_v: float = parameter(1.2690, "V", "identified", _FROM, low=0.0, high=4.9)
     on_travel_power: float = parameter(0.68737, "1", "identified", _FROM, low=0.0, high=3.0)
-    on_least_s: float = parameter(2.2022e-3, "s", "identified", _FROM, low=1e-6, high=1.0)
-    on_least_zero_v: float = parameter(1.2804, "V", "identified", _FROM, low=0.0, high=4.9)
-    on_least_power: float = parameter(0.95509, "1", "identified", _FROM, low=0.0, high=3.0)
+    on_min_s: float = parameter(2.2022e-3, "s", "identified", _FROM, low=1e-6, high=1.0)
+    on_min_zero_v: float = parameter(1.2804, "V", "identified", _FROM, low=0.0, high=4.9)
+    on_min_power: float = parameter(0.95509, "1", "identified", _FROM, low=0.0, high=3.0)
     on_escape_s: float = parameter(4.86e-3, "s", "identified", _FROM, low=1e-5, high=1.0)
-    on_least_v: float = parameter(2.00, "V", "identified", "level dynamic, endless pulse", low=0.0, high=5.0)
+    on_min_v: float = parameter(2.00, "V", "identified", "level dynamic, endless pulse", low=0.0, high=5.0)
     on_impact_m_s: float = parameter(0.755, "m/s", "identified", _FROM, low=0.0, high=100.0)
     off_travel_s: float = parameter(6.0000e-3, "s", "stated", "thesis 3.4.5, Fig 3.3", low=1e-5, high=1.0)
     off_travel_zero_v: float = parameter(2.8357, "V", "identified", _FROM, low=0.0, high=4.9)
     off_travel_power: float = parameter(0.55980, "1", "identified", _FROM, low=0.0, high=3.0)
-    off_least_s: float = parameter(3.8621e-3, "s", "identified", _FROM, low=1e-6, high=1.0)
-    off_least_zero_v: float = parameter(2.7942, "V", "identified", _FROM, low=0.0, high=4.9)
-    off_least_power: float = parameter(0.74024, "1", "identified", _FROM, low=0.0, high=3.0)
+    off_min_s: float = parameter(3.8621e-3, "s", "identified", _FROM, low=1e-6, high=1.0)
+    off_min_zero_v: float = parameter(2.7942, "V", "identified", _FROM, low=0.0, high=4.9)
+    off_min_power: float = parameter(0.74024, "1", "identified", _FROM, low=0.0, high=3.0)
     off_escape_s: float = parameter(4.5e-3, "s", "identified", _FROM, low=1e-5, high=1.0)
-    off_least_v: float = parameter(3.29, "V", "identified", "level dynamic, endless pulse", low=0.0, high=5.0)
+    off_min_v: float = parameter(3.29, "V", "identified", "level dynamic, endless pulse", low=0.0, high=5.0)
     off_impact_m_s: float = parameter(0.663, "m/s", "identified", _FROM, low=0.0, high=100.0)
     off_leave_fraction: float = parameter(0.168, "1", "identified", _FROM, low=0.0, high=1.0)
 
     def travel_s(self, toward_on: bool, volts: float) -> float:
         """Travel time under ``volts`` (magnitude, at nominal resistance) that last until arrival; infinite if too weak."""
         if toward_on:
-            return _scaled(self.on_travel_s, self.on_travel_zero_v, self.on_travel_power, volts, self.on_least_v)
-        return _scaled(self.off_travel_s, self.off_travel_zero_v, self.off_travel_power, volts, self.off_least_v)
+            return _scaled(self.on_travel_s, self.on_travel_zero_v, self.on_travel_power, volts, self.on_min_v)
+        return _scaled(self.off_travel_s, self.off_travel_zero_v, self.off_travel_power, volts, self.off_min_v)
 
-    def least_s(self, toward_on: bool, volts: float) -> float:
+    def min_s(self, toward_on: bool, volts: float) -> float:
         """Length of the shortest pulse that switches; infinite if none does."""
         if toward_on:
-            return _scaled(self.on_least_s, self.on_least_zero_v, self.on_least_power, volts, self.on_least_v)
-        return _scaled(self.off_least_s, self.off_least_zero_v, self.off_least_power, volts, self.off_least_v)
+            return _scaled(self.on_min_s, self.on_min_zero_v, self.on_min_power, volts, self.on_min_v)
+        return _scaled(self.off_min_s, self.off_min_zero_v, self.off_min_power, volts, self.off_min_v)
 
 
-def _scaled(at_nominal_s: float, zero_v: float, power: float, volts: float, least_v: float) -> float:
-    if volts <= max(least_v, zero_v):
+def _scaled(at_nominal_s: float, zero_v: float, power: float, volts: float, min_v: float) -> float:
+    if volts <= max(min_v, zero_v):
         return math.inf
     return at_nominal_s * ((NOMINAL_VOLTS - zero_v) / (volts - zero_v)) ** power
 

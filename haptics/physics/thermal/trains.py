@@ -99,8 +99,8 @@ def predict_thermal(
         if asked is not None:
             denied = None if denied is not None and denied >= asked else denied
             admitted = admitted_of(asked, jump_k, spacing_s, limit_k, start_rise_k, parameters)
-        least_s = least_spacing_s(jump_k, limit_k, parameters)
-        fastest = 60.0 / least_s if least_s > 0 else math.inf
+        min_s = min_spacing_s(jump_k, limit_k, parameters)
+        fastest = 60.0 / min_s if min_s > 0 else math.inf
     return TrainPrediction(
         energy_j=energy_j,
         jump_k=jump_k,
@@ -209,7 +209,7 @@ def allowed_now(rise_k: float, jump_k: float, limit_k: float) -> int:
     return max(0, math.floor((limit_k * (1 + GUARD) - rise_k) / jump_k))
 
 
-def least_spacing_s(jump_k: float, limit_k: float, parameters: ThermalParameters = THERMAL) -> float:
+def min_spacing_s(jump_k: float, limit_k: float, parameters: ThermalParameters = THERMAL) -> float:
     """Least spacing an endless train may have: ``J / (1 - exp(-s/tau)) = limit``, so ``s = -tau ln(1 - J/limit)``.
 
     Infinite if one pulse alone passes the limit.

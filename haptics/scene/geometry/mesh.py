@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from haptics.errors import InputError
 from haptics.meshes import (
     AXES,
-    MOST_PIECES,
+    MAX_PIECES,
     UNITS,
     WORDS,
     Kind,
@@ -175,16 +175,16 @@ def load_mesh(
         notes.append(_taken(used, unit_m, up or "y", unsaid))
     vertices, used = (in_frame(points, unit_m, up or "y", to="y") for points in (vertices, used))
     notes.extend(_far_off(used))
-    least_area_m2 = 0.5 * _no_twice_area_m2(vertices)
-    vertices, triangles, mended = cleaned(vertices, triangles, least_area_m2)
+    min_area_m2 = 0.5 * _no_twice_area_m2(vertices)
+    vertices, triangles, mended = cleaned(vertices, triangles, min_area_m2)
     found = holes(triangles)
     if found and repair:
         mended.append(f"{holes_in_words(vertices, found)} closed by flat caps")
-        vertices, triangles, _ = cleaned(*capped(vertices, triangles, found), least_area_m2)  # the cap of a slit is flat
+        vertices, triangles, _ = cleaned(*capped(vertices, triangles, found), min_area_m2)  # the cap of a slit is flat
     if repair or not found:
         pieces, _ = pieces_of(triangles)
-        if pieces > MOST_PIECES:
-            raise InputError(f"mesh {path} is in {pieces} pieces; allowed: at most {MOST_PIECES}; join it where it was made")
+        if pieces > MAX_PIECES:
+            raise InputError(f"mesh {path} is in {pieces} pieces; allowed: at most {MAX_PIECES}; join it where it was made")
         triangles, turned = outward(vertices, triangles)
         if turned:
             mended.append(f"it was inside out: {turned} of {len(triangles)} triangles turned")

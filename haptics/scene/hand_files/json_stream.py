@@ -21,8 +21,8 @@ from haptics.scene.hand_files.text_source import Text, open_text
 
 LARGEST_VALUE_CHARS = 1 << 20
 """One frame, another member, or what stands before the list is at most this long; a frame of two hands takes 8 thousand."""
-LEAST_PIECE_CHARS = 256 << 10
-MOST_MEMBERS = 100
+MIN_PIECE_CHARS = 256 << 10
+MAX_MEMBERS = 100
 """An object has at most this many members; two are used."""
 _BLANK = re.compile(r"[ \t\r\n]*")
 
@@ -104,8 +104,8 @@ class _Reader:
                 self._refuse(f"a member's name is {str(name)[:40]!r}; allowed: a string")
             if name in seen:
                 self._refuse(f"{name[:40]!r} is given twice; allowed: once")
-            if len(seen) == MOST_MEMBERS:
-                self._refuse(f"the object goes on beyond the allowed {MOST_MEMBERS} members")
+            if len(seen) == MAX_MEMBERS:
+                self._refuse(f"the object goes on beyond the allowed {MAX_MEMBERS} members")
             seen.add(name)
             at = name[:40] if first else f"{place}.{name[:40]}"
             self._expect(":", at)
@@ -190,7 +190,7 @@ class _Reader:
             return False
         try:
             # As much again as a value in hand already takes, so that decoding it anew stays linear in its length.
-            text = self._text(max(LEAST_PIECE_CHARS, len(self._window) - self._at))
+            text = self._text(max(MIN_PIECE_CHARS, len(self._window) - self._at))
         except InputError as error:
             self._refuse(str(error))
         self._ended = not text

@@ -23,7 +23,7 @@ from haptics.errors import InputError
 
 LARGEST_TEXT_CHARS = 64 << 20
 """A text beyond this is refused: it must be kept whole, two bytes a character."""
-MOST_ENTRIES = 8 << 20
+MAX_ENTRIES = 8 << 20
 """The dictionary has at most this many entries, of eight bytes each; a text as long as allowed takes some six million."""
 
 _LITERAL_BITS = {0: 8, 1: 16}
@@ -136,8 +136,8 @@ class LzString:
         self._before = (here, entry[1])
 
     def _remember(self, start: int, length: int) -> None:
-        if len(self._starts) >= MOST_ENTRIES:
-            raise InputError(f"the lz-string dictionary is larger than the allowed {MOST_ENTRIES >> 20} Mi entries")
+        if len(self._starts) >= MAX_ENTRIES:
+            raise InputError(f"the lz-string dictionary is larger than the allowed {MAX_ENTRIES >> 20} Mi entries")
         self._starts.append(start)
         self._lengths.append(length)
         self._room -= 1

@@ -21,7 +21,7 @@ from haptics.units import in_range
 
 NAME = "synthetic"
 NATURAL_DURATION_S = 4.0
-LEAST_INTERVAL_SHARE = 0.05
+MIN_INTERVAL_SHARE = 0.05
 """However it jitters, a frame follows the one before by at least this share of the nominal interval."""
 
 # In the palm's axes, millimetres, right hand: +x to the little finger, +y out of the back, +z to the wrist.
@@ -81,7 +81,7 @@ def synthetic_hand(
     rng = np.random.default_rng(seed)
     interval_s = 1.0 / rate_hz
     steps_s = interval_s + jitter_s * rng.standard_normal(int(duration_s * rate_hz))
-    time_s = np.concatenate([[0.0], np.cumsum(np.maximum(steps_s, LEAST_INTERVAL_SHARE * interval_s))])
+    time_s = np.concatenate([[0.0], np.cumsum(np.maximum(steps_s, MIN_INTERVAL_SHARE * interval_s))])
     time_s = time_s[time_s <= duration_s]
     time_ns = np.array([seconds_to_ns(time) for time in time_s], np.int64)
 

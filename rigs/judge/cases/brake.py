@@ -102,7 +102,7 @@ def volts_apart(run: BrakeRun, points: int) -> dict[str, float]:
       until ``V (1 + R/R_b)``; only a lowered setpoint leads there.
     """
     drive, clamped = run.system.drive, run.system.reversal == "clamped"
-    volts, r = run.greatest_v, drive.output_resistance_ohm
+    volts, r = run.max_v, drive.output_resistance_ohm
     swing_v = volts if clamped else 2.0 * volts
     steep = clamped or drive.reservoir_f > 0.0
     slope = swing_v / (r * run.total_f) if steep else drive.supply_current_a / run.total_f
@@ -131,10 +131,10 @@ def _supply_apart(
     charge = {
         "volts": stored_f * (sum(parts.values()) + (halves - 1.0) * parts["diodes"]),
         "edges": 2.0 * halves * drive.supply_current_a * run.transient.edge_s,
-        "off": 2.0 * run.greatest_v / SWITCH_OFF_OHM * span_s,
+        "off": 2.0 * run.max_v / SWITCH_OFF_OHM * span_s,
         "bleeder": sum(parts.values()) / drive.bleeder_ohm * span_s,
     }
-    energy = {name: run.greatest_v * part for name, part in charge.items()}
+    energy = {name: run.max_v * part for name, part in charge.items()}
     return charge, energy | {"diodes": parts["diodes"] * charge_c}
 
 

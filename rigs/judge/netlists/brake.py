@@ -69,7 +69,7 @@ class BrakeRun:
         return self.system.drive.stray_f + sum(self.system.capacitance_f(k) for k in range(self.system.outputs))
 
     @property
-    def greatest_v(self) -> float:
+    def max_v(self) -> float:
         return max(volts for _, volts in self.setpoints)
 
 
@@ -77,7 +77,7 @@ def brake_netlist(run: BrakeRun) -> str:
     """The netlist of ``run``, from its ``system``'s parameters. It saves load, leg b, bus, set volts, supply currents."""
     system, drive = run.system, run.system.drive
     leg_a, leg_b = bridge_legs(run)
-    full_c = max(1e-12, run.total_f * run.greatest_v)
+    full_c = max(1e-12, run.total_f * run.max_v)
     lines = [
         "* bipolar drive of electrostatic clutches",
         f"Vset set 0 {run.transient.source(run.setpoints)}",

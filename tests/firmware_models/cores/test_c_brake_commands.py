@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable, Iterator
 
 import pytest
-from brake_bench import OK, BrakeBench, benches, greatest_dhz
+from brake_bench import OK, BrakeBench, benches, max_dhz
 from brake_circuit import ENABLED, NOMINAL_F, POSITIVE, Circuit
 from core_bench import MS, build_library, in_ticks
 
@@ -62,7 +62,7 @@ def test_frequency_goes_up_to_what_the_current_can_charge(bench, mask, volts) ->
     h = bench().armed()
     h.ask("identify", seq=0)
     found = h.telemetry().capacitance
-    most = greatest_dhz(sum(found[k] for k in range(5) if mask >> k & 1), volts)
+    most = max_dhz(sum(found[k] for k in range(5) if mask >> k & 1), volts)
     assert h.answer("drive", in_ticks(h.now, 5), mask, volts, most, 10) == OK
     assert h.answer("drive", in_ticks(h.now, 5), mask, volts, most + 1, 10) == (Status.BAD_VALUE, 3)
 
@@ -84,8 +84,8 @@ def test_limits_that_a_host_made_stricter_count(bench) -> None:
     h.armed()
     assert h.answer("drive", in_ticks(h.now, 5), 1, 901, 200, 100) == (Status.BAD_VALUE, 2)
     assert h.answer("drive", in_ticks(h.now, 5), 1, 100, 1001, 100) == (Status.BAD_VALUE, 3)
-    assert h.answer("drive", in_ticks(h.now, 5), 1, 900, greatest_dhz(2 * 2600, 900), 100) == OK
-    assert h.answer("drive", in_ticks(h.now, 5), 1, 900, greatest_dhz(2 * 2500, 900), 101) == (Status.BAD_VALUE, 3)
+    assert h.answer("drive", in_ticks(h.now, 5), 1, 900, max_dhz(2 * 2600, 900), 100) == OK
+    assert h.answer("drive", in_ticks(h.now, 5), 1, 900, max_dhz(2 * 2500, 900), 101) == (Status.BAD_VALUE, 3)
     assert h.answer("drive", in_ticks(h.now, 5), 1, 900, 100, 101) == (Status.BAD_VALUE, 4)
     assert h.answer("piezo", in_ticks(h.now, 5), 1, 101) == (Status.BAD_VALUE, 2)
 

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from fractions import Fraction
 
 import pytest
-from brake_bench import NOMINAL_PF, BrakeBench, SlowBench, benches, build_slow_library, greatest_dhz, reversals
+from brake_bench import NOMINAL_PF, BrakeBench, SlowBench, benches, build_slow_library, max_dhz, reversals
 from brake_circuit import NOMINAL_F, Circuit
 from core_bench import MS, build_library
 
@@ -51,7 +51,7 @@ def test_a_supply_that_does_not_follow_a_lowered_setpoint(bench) -> None:
     """The higher one counts until the bridge has turned the load round."""
     h = bench().armed()
     h.hold(200, 1, 1000, 200)
-    h.change(least_v=1000)
+    h.change(min_v=1000)
     lowered = h.now
     h.hold(200, 1, 500, 200)
     fault, _, value = h.fault()
@@ -75,7 +75,7 @@ def test_too_much_current(bench, dhz) -> None:
 def test_a_bridge_that_does_not_turn(bench, volts, dhz, mask) -> None:
     """Latched after one and a half half periods; of those below 1 ms not all are looked at."""
     h = bench().armed()
-    dhz = min(dhz, greatest_dhz(bin(mask).count("1") * 2600, volts))
+    dhz = min(dhz, max_dhz(bin(mask).count("1") * 2600, volts))
     half = 10_000_000 / dhz
     h.hold(max(50, 5 * half / MS), mask, volts, dhz)
     assert h.faults == 0
@@ -108,7 +108,7 @@ def test_a_brake_that_is_no_longer_there(bench, volts, dhz) -> None:
 def test_an_output_that_breaks_down(bench, volts, dhz, ohm, mask) -> None:
     """It does not rise under full current: short; in the hold phase its volts drop: leak."""
     h = bench().armed()
-    dhz = min(dhz, greatest_dhz(bin(mask).count("1") * 2600, volts))
+    dhz = min(dhz, max_dhz(bin(mask).count("1") * 2600, volts))
     h.hold(100, mask, volts, dhz)
     h.change(leak_ohm=[ohm] + [math.inf] * 4)
     broken = h.now
@@ -221,7 +221,7 @@ def test_lowering_small_amplitudes_at_the_limit_trips_nothing(bench, mask) -> No
     rng = random.Random(mask)
     for volts in (24, 30, 40, 60, 80, 110):
         h = bench(Circuit(gain=1.01)).armed()
-        dhz = greatest_dhz(bin(mask).count("1") * 2580, volts)
+        dhz = max_dhz(bin(mask).count("1") * 2580, volts)
         for _ in range(60):
             h.drive(1, mask, volts, dhz, 200)
             h.run(rng.randrange(10 * MS, 20 * MS))
@@ -237,7 +237,7 @@ def test_a_healthy_plant_trips_nothing_from_one_wave_to_another(library) -> None
         h = BrakeBench(library, Circuit(gain=rng.uniform(0.99, 1.01)), start=rng.randrange(1 << 40)).armed()
         for _ in range(12):
             mask, volts = rng.randrange(1, 32), round(20 * 75 ** rng.random())
-            most = greatest_dhz(bin(mask).count("1") * 2580, volts)
+            most = max_dhz(bin(mask).count("1") * 2580, volts)
             dhz = rng.choice((most, round(5 * (most / 5) ** rng.random())))
             h.drive(rng.uniform(0, 3), mask, volts, dhz, rng.choice((3, 20, 80, 300)))
             h.run(rng.randrange(10, 90 * MS))

@@ -70,7 +70,7 @@ def test_what_the_hardware_is_made_of_comes_out_as_published(tmp_path) -> None:
         "NOMINAL_PF": 2547,
         "LONGEST_PULSE * DURATION_TICKS": 20_000,
         "SUPPLY_CURRENT_UA": 500,
-        "GREATEST_V": 1500,
+        "MAX_V": 1500,
         "DEAD_MAN_TICKS": 200_000,
         "BLEEDER_MOHM": 500,
     }

@@ -61,9 +61,9 @@ class Pulse(NamedTuple):
 class Schedule:
     """What a coil board must answer and do, by brute force: every accepted pulse is kept for ever, every moment looked at."""
 
-    def __init__(self, longest: int, most_on: int, places: int):
+    def __init__(self, longest: int, max_on: int, places: int):
         self.pulses: list[Pulse] = []
-        self._longest, self._most_on, self._places = longest, most_on, places
+        self._longest, self._max_on, self._places = longest, max_on, places
 
     def answer(self, now: int, start: int, channels: int, toward_skin: int, durations: list[int]) -> tuple[Status, int]:
         chosen = [k for k in range(16) if channels >> k & 1]
@@ -84,7 +84,7 @@ class Schedule:
         together = self.pulses + new
         moments = {start} | {p.start for p in self.pulses if p.start >= start}
         if any(
-            sum(p.start <= m < p.end for p in together) > self._most_on for m in moments if any(p.start <= m < p.end for p in new)
+            sum(p.start <= m < p.end for p in together) > self._max_on for m in moments if any(p.start <= m < p.end for p in new)
         ):
             return Status.FULL, 0x8000
         self.pulses = together
@@ -103,7 +103,7 @@ class Schedule:
 
 
 @pytest.mark.parametrize(
-    ("seed", "most_on", "longest", "ahead_ms"),
+    ("seed", "max_on", "longest", "ahead_ms"),
     [
         (1, 3, 200, 40),
         (2, 3, 20, 12),
@@ -115,12 +115,12 @@ class Schedule:
         (8, 0, 200, 20),
     ],
 )
-def test_replies_and_edges_are_those_of_a_brute_force_schedule(bench, seed, most_on, longest, ahead_ms) -> None:
+def test_replies_and_edges_are_those_of_a_brute_force_schedule(bench, seed, max_on, longest, ahead_ms) -> None:
     """Random and crowded, across the wrap of the clock: each reply, and every change of the outputs to the tick."""
     rng = random.Random(seed)
-    limits = (longest, most_on * 3907 + 40, 64, 3000, 2500)
+    limits = (longest, max_on * 3907 + 40, 64, 3000, 2500)
     h = bench(start=WRAP - 300 * MS, limits=limits)
-    schedule = Schedule(longest, most_on, 64)
+    schedule = Schedule(longest, max_on, 64)
     h.arm()
     armed = h.now
     answers: dict[Status, int] = {}
@@ -140,13 +140,13 @@ def test_replies_and_edges_are_those_of_a_brute_force_schedule(bench, seed, most
         h.run(rng.choice((0, 1, rng.randrange(100), rng.randrange(2000), rng.randrange(12_000))))
     h.live(1100 * MS)
     assert settled(h.edges) == schedule.edges(armed)
-    assert max(coils_on(word) for _, word in h.edges) == most_on
+    assert max(coils_on(word) for _, word in h.edges) == max_on
     assert set(answers) == set(Status) - {
         Status.UNKNOWN,
         Status.BAD_LENGTH,
         Status.INTERLOCK,
         Status.HOT,
-        *([Status.OK] if not most_on else []),
+        *([Status.OK] if not max_on else []),
     }
     h.ask("identify", seq=0)
     telemetry = h.telemetry()

@@ -41,15 +41,15 @@ def armed(host, board, **query):
     return h
 
 
-def live_until_fault(h, most_ms: float) -> float:
+def live_until_fault(h, max_ms: float) -> float:
     """Milliseconds from now until the board latches something, the dead-man fed; fails if it does not."""
     began_ns = h.now_ns
-    while h.now_ns < began_ns + most_ms * MS:
+    while h.now_ns < began_ns + max_ms * MS:
         h.live(0.25)
         if h.port.board.faults:
             assert h.port.truth()["state"] == State.FAULT
             return (h.now_ns - began_ns) / MS
-    raise AssertionError(f"no fault within {most_ms} ms")
+    raise AssertionError(f"no fault within {max_ms} ms")
 
 
 def told(h) -> tuple[int, int]:
@@ -322,8 +322,8 @@ def test_sound_brakes_trip_nothing(host, core, seed) -> None:
     rng = np.random.default_rng(seed)
     for _ in range(25):
         mask, volts = int(rng.integers(1, 32)), int(rng.integers(30, 1501))
-        most_dhz = 10 * 500e-6 / (2 * 2.8e-9 * mask.bit_count() * volts)
-        frequency_dhz = int(rng.uniform(5, min(most_dhz, 1000)))
+        max_dhz = 10 * 500e-6 / (2 * 2.8e-9 * mask.bit_count() * volts)
+        frequency_dhz = int(rng.uniform(5, min(max_dhz, 1000)))
         h.send("drive", h.tick_in(3), mask, volts, frequency_dhz, int(rng.integers(20, 400)))
         h.live(float(rng.uniform(10, 150)))
         assert h.port.board.faults == 0, (mask, volts, frequency_dhz)

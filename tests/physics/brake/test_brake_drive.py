@@ -11,7 +11,7 @@ from haptics.physics.brake.charging import (
     Charging,
     discharge_time_s,
     eq44_power_w,
-    greatest_frequency_hz,
+    max_frequency_hz,
     rise_time_s,
     steady_half_period,
     supply_power_w,
@@ -104,17 +104,17 @@ def test_charge_from_the_source(reversal, charges):
 
 @pytest.mark.parametrize(("reversal", "charges"), [("clamped", 2), ("direct", 4)])
 def test_above_the_greatest_frequency_the_amplitude_is_what_the_current_gives(reversal, charges):
-    fastest = greatest_frequency_hz(1500.0, C, BARE, reversal)
+    fastest = max_frequency_hz(1500.0, C, BARE, reversal)
     assert fastest == pytest.approx(500e-6 / (charges * C * 1500), rel=1e-12)
     assert steady_half_period(1500.0, 0.95 * fastest, C, BARE, reversal).amplitude_v == pytest.approx(1500.0, rel=1e-3)
     assert steady_half_period(1500.0, 3.0 * fastest, C, BARE, reversal).amplitude_v == pytest.approx(500.0, rel=1e-2)
 
 
 def test_full_swing_at_1500_volts_ends_near_65_hertz():
-    assert greatest_frequency_hz(1500.0, C, BARE) == pytest.approx(65.4, abs=0.1)
-    assert greatest_frequency_hz(1500.0, 2 * C, BARE) == pytest.approx(32.7, abs=0.1)
-    assert greatest_frequency_hz(100.0, C) == pytest.approx(910.0, abs=1.0)
-    assert greatest_frequency_hz(10.0, C) == 1000.0  # the bridge's
+    assert max_frequency_hz(1500.0, C, BARE) == pytest.approx(65.4, abs=0.1)
+    assert max_frequency_hz(1500.0, 2 * C, BARE) == pytest.approx(32.7, abs=0.1)
+    assert max_frequency_hz(100.0, C) == pytest.approx(910.0, abs=1.0)
+    assert max_frequency_hz(10.0, C) == 1000.0  # the bridge's
 
 
 @pytest.mark.parametrize(

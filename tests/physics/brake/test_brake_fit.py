@@ -214,11 +214,11 @@ def test_validity_is_data(law, finger):
     assert valid.overlap_m2 == (11e-4, 11e-4)
     assert valid.thickness_m == (13e-6, 13e-6)
     errors = [abs(shipped.force_n(v) - f) / f for v, f in points]
-    assert valid.greatest_error == pytest.approx(max(errors), rel=1e-12)
+    assert valid.max_error == pytest.approx(max(errors), rel=1e-12)
     if law == "ideal":
         assert min(shipped.force_n(v) / f for v, f in points) > 1.0
     else:
-        assert valid.greatest_error < 0.10
+        assert valid.max_error < 0.10
     assert evidence.default == (law == "threshold")
 
 

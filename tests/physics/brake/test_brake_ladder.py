@@ -52,12 +52,12 @@ def rms(seen: np.ndarray, reference: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize(
-    ("level", "step_s", "most_n"),
+    ("level", "step_s", "max_n"),
     [("static", 1e-3, 2.5), ("lagged", 1e-3, 0.24), ("lagged", 0.5e-3, 0.15), ("dynamic", 1e-3, 0.23), ("dynamic", 50e-6, 0.02)],
 )
-def test_capacity_errs_by_no_more_than_was_found_for_its_level(reference, level, step_s, most_n) -> None:
+def test_capacity_errs_by_no_more_than_was_found_for_its_level(reference, level, step_s, max_n) -> None:
     """RMS over the profile: 1.9 N static, 0.24 N lagged, 0.23 N and 0.02 N dynamic were found elsewhere, for another wave."""
-    assert rms(profile(brake_plant(level, step_s=step_s)), reference)[0] < most_n
+    assert rms(profile(brake_plant(level, step_s=step_s)), reference)[0] < max_n
 
 
 def test_errors_fall_as_the_level_rises(reference) -> None:

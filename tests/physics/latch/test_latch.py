@@ -14,7 +14,7 @@ from haptics.physics.latch.pulse import (
     TRAIN_BACK_S,
     TRAIN_TOWARD_S,
     latch_plant,
-    least_pulse_s,
+    min_pulse_s,
     switch,
     travel_s,
 )
@@ -55,7 +55,7 @@ def test_a_full_pulse_costs_about_180_millijoule(level, direction):
 @pytest.mark.parametrize("level", LEVELS)
 @pytest.mark.parametrize("direction", DIRECTIONS)
 def test_the_least_pulse_divides_those_that_switch_from_those_that_fall_back(level, direction):
-    least = least_pulse_s(5.0, direction, level=level)
+    least = min_pulse_s(5.0, direction, level=level)
     near, far = direction.split("-")
     long, short = switch(least * 1.001, 5.0, direction, level=level), switch(least * 0.999, 5.0, direction, level=level)
     assert (long.switched, long.final_state) == (True, far)
@@ -85,7 +85,7 @@ def test_energy_of_a_very_short_pulse_is_that_of_a_coil_charging():
 def test_a_volt_moves_nothing(level):
     outcome = switch(10e-3, 1.0, "off-on", level=level)
     assert not outcome.switched
-    assert outcome.least_pulse_s == math.inf
+    assert outcome.min_pulse_s == math.inf
     assert outcome.margin == -1.0
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from haptics.physics.latch.event import EventLatch
 from haptics.physics.latch.parameters import LATCH
-from haptics.physics.latch.pulse import DIRECTIONS, latch_plant, least_pulse_s, switch, travel_s
+from haptics.physics.latch.pulse import DIRECTIONS, latch_plant, min_pulse_s, switch, travel_s
 from haptics.physics.latch.travel import TRAVEL
 
 DRIVES = list(itertools.product(DIRECTIONS, (4.0, 4.5, 5.0, 5.5)))
@@ -18,11 +18,11 @@ DRIVES = list(itertools.product(DIRECTIONS, (4.0, 4.5, 5.0, 5.5)))
 @pytest.mark.parametrize(("direction", "volts"), DRIVES)
 def test_travel_and_threshold_are_those_of_the_dynamic_level(direction, volts):
     # The scaling law fits the dynamic level within 0.4 % over 3.75 to 5.5 V, constants rounded to five digits.
-    for question in (travel_s, least_pulse_s):
+    for question in (travel_s, min_pulse_s):
         if question is travel_s:
             event, dynamic = (travel_s(direction, volts, level=level) for level in ("event", "dynamic"))
         else:
-            event, dynamic = (least_pulse_s(volts, direction, level=level) for level in ("event", "dynamic"))
+            event, dynamic = (min_pulse_s(volts, direction, level=level) for level in ("event", "dynamic"))
         assert event == pytest.approx(dynamic, rel=5e-3)
 
 
@@ -56,7 +56,7 @@ def test_a_coasting_pin_leaves_the_watershed_exponentially():
     for k in range(3):
         plant.advance(2.5e-3 + k * TRAVEL.on_escape_s / 4)
         positions.append(plant.position_m)
-    watershed_m = TRAVEL.on_least_s / TRAVEL.on_travel_s * LATCH.stroke_m
+    watershed_m = TRAVEL.on_min_s / TRAVEL.on_travel_s * LATCH.stroke_m
     gaps = [x - watershed_m for x in positions]
     assert gaps[1] / gaps[0] == pytest.approx(gaps[2] / gaps[1], rel=1e-9)
 

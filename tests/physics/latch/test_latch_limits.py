@@ -62,7 +62,7 @@ def test_switch_answers_or_refuses_up_to_its_greatest_volts():
     short = switch(0.9e-3, 50.0, "on-off", -40.0)
     assert short.switched
     assert not short.valid
-    assert 0.0 < short.least_pulse_s < 0.9e-3
+    assert 0.0 < short.min_pulse_s < 0.9e-3
     with pytest.raises(InputError, match="into a stop"):
         switch(10e-3, 50.0, "on-off", -40.0)
 

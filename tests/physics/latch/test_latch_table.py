@@ -10,7 +10,7 @@ from haptics.physics.latch import flow_map as latch_flow, kernel as latch_kernel
 from haptics.physics.latch.dynamic import DynamicLatch
 from haptics.physics.latch.flow_map import flow_table
 from haptics.physics.latch.parameters import LATCH
-from haptics.physics.latch.pulse import least_pulse_s
+from haptics.physics.latch.pulse import min_pulse_s
 from haptics.physics.latch.reference import ReferenceLatch
 from haptics.physics.latch.table import TableLatch
 
@@ -63,8 +63,8 @@ def test_a_pin_driven_away_while_it_bounces_starts_from_its_bounce():
 
 def test_the_watershed_lies_where_it_does_for_the_equation_of_motion():
     for volts, direction in ((5.0, "off-on"), (4.5, "off-on"), (5.0, "on-off"), (4.5, "on-off")):
-        assert least_pulse_s(volts, direction, level="table") == pytest.approx(
-            least_pulse_s(volts, direction), abs=2e-7
+        assert min_pulse_s(volts, direction, level="table") == pytest.approx(
+            min_pulse_s(volts, direction), abs=2e-7
         )  # searched to 0.1 us
 
 

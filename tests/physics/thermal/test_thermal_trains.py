@@ -14,7 +14,7 @@ from haptics.physics.thermal.trains import (
     admitted_of,
     allowed_now,
     first_denied_index,
-    least_spacing_s,
+    min_spacing_s,
     predict_thermal,
     train_rise_k,
     wait_s,
@@ -97,7 +97,7 @@ def test_a_limit_that_is_never_met_denies_nothing():
 @given(jumps, limits)
 def test_the_least_spacing_is_sustainable_and_less_is_not(jump_k, limit_k):
     assume(jump_k < 0.99 * limit_k)
-    spacing_s = least_spacing_s(jump_k, limit_k)
+    spacing_s = min_spacing_s(jump_k, limit_k)
     assert train_rise_k(jump_k, spacing_s)[0] == pytest.approx(limit_k, rel=1e-12)
     assert first_denied_index(jump_k, spacing_s * (1 + 1e-9), limit_k) is None
     assert first_denied_index(jump_k, spacing_s * (1 - 1e-6), limit_k) is not None
@@ -105,7 +105,7 @@ def test_the_least_spacing_is_sustainable_and_less_is_not(jump_k, limit_k):
 
 def test_the_greatest_rate_of_a_prediction_is_the_least_spacing():
     prediction = predict_thermal(120, limit_k=20.0)
-    assert prediction.max_rate_per_min == pytest.approx(60 / least_spacing_s(pulse_rise_k(), 20.0), rel=1e-15)
+    assert prediction.max_rate_per_min == pytest.approx(60 / min_spacing_s(pulse_rise_k(), 20.0), rel=1e-15)
     assert predict_thermal(prediction.max_rate_per_min * (1 - 1e-9), limit_k=20.0).first_denied_index is None
 
 
@@ -121,7 +121,7 @@ def test_after_the_wait_that_many_are_allowed_and_just_before_they_are_not(rise_
 
 
 def test_a_jump_above_the_limit_is_never_allowed():
-    assert least_spacing_s(2.0, 1.0) == math.inf
+    assert min_spacing_s(2.0, 1.0) == math.inf
     assert first_denied_index(2.0, 1.0, 1.0) == 0
     assert admitted_of(100, 2.0, 1.0, 1.0) == 0
     assert wait_s(0.5, 1, 2.0, 1.0) == math.inf
@@ -137,7 +137,7 @@ def test_bursts_every_five_seconds_stay_cool():
     assert prediction.energy_j == pytest.approx(0.9)
     assert prediction.mean_rise_k == pytest.approx(12.42, rel=1e-12)
     assert prediction.first_denied_index is None
-    assert 60 / prediction.max_rate_per_min == pytest.approx(least_spacing_s(5 * pulse_rise_k(), 25.0))
+    assert 60 / prediction.max_rate_per_min == pytest.approx(min_spacing_s(5 * pulse_rise_k(), 25.0))
 
 
 @pytest.mark.parametrize(

@@ -99,7 +99,7 @@ def test_a_mesh_that_lies_off_the_origin_of_its_file_says_so(tmp_path):
 
 
 def test_more_pieces_than_can_be_sorted_are_refused_in_time(tmp_path, monkeypatch):
-    monkeypatch.setattr("haptics.scene.geometry.mesh.MOST_PIECES", 2)
+    monkeypatch.setattr("haptics.scene.geometry.mesh.MAX_PIECES", 2)
     three = np.concatenate([BOX_VERTICES + np.array([k, 0, 0]) for k in (0, 0.2, 0.4)])
     path = write(tmp_path / "box.obj", three, np.concatenate([BOX_FACES + 8 * k for k in range(3)]))
     with pytest.raises(InputError, match="in 3 pieces; allowed: at most 2; join it where it was made"):

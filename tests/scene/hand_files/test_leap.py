@@ -69,7 +69,7 @@ def test_gzip_is_told_by_content_and_json_in_chunks_is_the_same(tmp_path, monkey
     (tmp_path / "misnamed.json").write_bytes(gzip.compress(content, mtime=0))
     plain, packed = load_hand(tmp_path / "plain.json"), load_hand(tmp_path / "misnamed.json")
     for chunk in (1, 7, 1000):
-        monkeypatch.setattr(json_stream, "LEAST_PIECE_CHARS", chunk)
+        monkeypatch.setattr(json_stream, "MIN_PIECE_CHARS", chunk)
         small = load_leap(tmp_path / "misnamed.json")
         for other in (packed, small):
             np.testing.assert_array_equal(other.tracks[0].position_m, plain.tracks[0].position_m)

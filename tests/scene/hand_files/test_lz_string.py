@@ -128,7 +128,7 @@ def test_a_text_far_longer_than_its_data_is_refused_at_the_limit(monkeypatch):
 
 
 def test_a_dictionary_beyond_the_limit_is_refused(monkeypatch):
-    monkeypatch.setattr(lz_string, "MOST_ENTRIES", 100)
+    monkeypatch.setattr(lz_string, "MAX_ENTRIES", 100)
     with pytest.raises(InputError, match="dictionary is larger"):
         LzString(iter([repeated(200), ""]).__next__).read(1 << 20)
 
