@@ -30,7 +30,7 @@ check: $(STAMP)  ## format, lint, types, architecture
 	$(BIN)/pyright
 
 bench: $(STAMP)  ## timings, ratios measured side by side in one run
-	$(BIN)/python -m pytest -m bench tests/bench -s
+	$(BIN)/python -m pytest -m bench tests/bench
 
 soak: $(STAMP)  ## the judged sizes: hundreds of kills, long random runs
 	$(BIN)/python -m pytest -m soak -n auto --timeout=3600

@@ -1,17 +1,23 @@
-"""The table that a run of benchmarks prints at its end."""
+"""One ledger for the whole run of benchmarks: printed at its end, and its ratios kept."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-
 import pytest
+from ledger import Ledger, history, keep, table
 
-Row = Callable[[str, str, str], None]
+_LEDGER = Ledger()
 
 
-@pytest.fixture(scope="module")
-def row() -> Iterator[Row]:
-    """Takes a line of the table that is printed at the end: what, its figure, its bound."""
-    lines = [("", "measured", "bound")]
-    yield lambda what, figure, bound: lines.append((what, figure, bound))
-    print("\n\n" + "\n".join(f"{what:<76}{figure:>16}{bound:>14}" for what, figure, bound in lines))
+@pytest.fixture(scope="session")
+def bench() -> Ledger:
+    """Takes figures and ratios."""
+    return _LEDGER
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    if not _LEDGER.entries:
+        return
+    terminalreporter.section("benchmarks: ratios side by side; indented figures are this machine's")
+    for line in table(_LEDGER.entries, history()):
+        terminalreporter.write_line(line)
+    keep(_LEDGER.entries)

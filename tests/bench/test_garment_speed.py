@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from ledger import gathered
 
 from haptics.garments.bodies import open_body
 from haptics.garments.bodies.motions import MOTIONS
@@ -65,58 +66,64 @@ def compiled():
     simulation.solve(simulation.designable)
 
 
+def factor_s(simulation, times: int = 5) -> float:
+    """Seconds of one factorisation of the stiffness by the solver in use: what every cost here is counted in."""
+    values = simulation.state(simulation.solve(simulation.designable).positions_m).stiffness(0.0)
+    return min(seconds(lambda: simulation._solver.factorise(values)) for _ in range(times))
+
+
 @pytest.mark.parametrize("solver", installed_solvers())
-def test_a_warm_step_at_7k_vertices(row, solver):
+def test_a_warm_step_at_7k_vertices(bench, solver):
     simulation = worn("standard", solver).simulation
     taken, residual = step_seconds(simulation, STEPS)
-    bound = {installed_solvers()[0]: 0.6, "superlu": 2.0}.get(solver)
-    vertices = len(simulation.rest.vertices_m)
-    row(f"BESO step, {vertices} vertices, {solver}: median s", f"{np.median(taken):.3f}", f"<= {bound}" if bound else "")
-    row(f"BESO step, {vertices} vertices, {solver}: 95th percentile s", f"{np.quantile(taken, 0.95):.3f}", "")
+    factor = factor_s(simulation)
+    what = f"BESO step, {len(simulation.rest.vertices_m)} vertices, {solver}"
+    bench.note(f"{what}: median, 95th percentile s", f"{np.median(taken):.3f}, {np.quantile(taken, 0.95):.3f}")
+    bench.ratio(f"garment.step.{solver}", f"{what}: in factorisations", float(np.median(taken)) / factor, at_most=35)
     assert residual <= 1e-7
-    assert bound is None or np.median(taken) <= bound
 
 
-def test_a_whole_elbow_design_at_1_8k_vertices(row):
+def test_a_whole_elbow_design_at_1_8k_vertices(bench):
     simulation = worn("draft").simulation
     designs = []
     taken = seconds(lambda: designs.append(optimise(simulation, 0.15)))
     steps = designs[0].steps
-    row(f"elbow design, {len(simulation.rest.vertices_m)} vertices, {len(steps)} steps: s", f"{taken:.1f}", "< 30")
-    assert taken < 30
+    what = f"elbow design, {len(simulation.rest.vertices_m)} vertices, {len(steps)} steps"
+    bench.note(f"{what}: s", f"{taken:.1f}")
+    bench.ratio("garment.design", f"{what}: factorisations a step", taken / len(steps) / factor_s(simulation), at_most=45)
     assert all(step.residual_n <= 1e-7 for step in steps)
 
 
-def test_a_cold_equilibrium_at_28k_vertices(row):
+def test_a_cold_equilibrium_at_28k_vertices(bench):
     simulation = worn("reference").simulation
     found = []
     taken = seconds(lambda: found.append(simulation.solve(simulation.designable)))
-    row(f"cold equilibrium, {len(simulation.rest.vertices_m)} vertices: s", f"{taken:.1f}", "< 45")
-    row("  its steps, and the force left over in N", f"{found[0].iterations}, {found[0].residual_n:.0e}", "<= 1e-07")
+    factor = factor_s(simulation, 3)
+    bench.note(f"cold equilibrium, {len(simulation.rest.vertices_m)} vertices: s", f"{taken:.1f}")
+    bench.note("its steps, and the force left over in N (at most 1e-07)", f"{found[0].iterations}, {found[0].residual_n:.0e}")
+    bench.ratio("garment.cold", "cold equilibrium, 28k vertices: in factorisations", taken / factor, at_most=250)
     assert found[0].converged
-    assert taken < 45
+    assert found[0].residual_n <= 1e-7
 
 
-def test_newton_and_l_bfgs_on_the_same_problem(row):
+def test_newton_and_l_bfgs_on_the_same_problem(bench):
     """L-BFGS with what a user would take: scipy's, and torch's where it is installed, on the same energy and gradient.
 
-    Given thirty times Newton's time each, and told the force that they have left over then.
+    Given thirty times Newton's time each; what is compared is the force that they have left over then.
     """
     simulation = worn("draft").simulation
     found = []
     taken = seconds(lambda: found.append(simulation.solve(simulation.designable)))
-    row("cold equilibrium at 1.8k, Newton: s", f"{taken:.2f}", "")
-    row("  force left over, N", f"{found[0].residual_n:.0e}", "<= 1e-07")
-    allowed = 30 * taken
+    bench.note("cold equilibrium at 1.8k, Newton: s, and the force left over in N", f"{taken:.2f}, {found[0].residual_n:.0e}")
     rivals = {"scipy": l_bfgs_scipy}
     if find_spec("torch"):
         rivals["torch"] = l_bfgs_torch
     for name, rival in rivals.items():
-        used, residual, energy = rival(simulation, allowed)
-        row(f"cold equilibrium at 1.8k, L-BFGS of {name}: s", f"{used:.2f}", "")
-        row("  force left over, N", f"{residual:.0e}", "> 1e-07")
-        row("  energy above Newton's, parts in a million", f"{1e6 * (energy / total_j(simulation, found[0]) - 1):.1f}", "")
-        assert residual > 1e-7, "it does not get there"
+        used, residual, energy = rival(simulation, 30 * taken)
+        above = 1e6 * (energy / total_j(simulation, found[0]) - 1)
+        bench.note(f"L-BFGS of {name}: s, force left over in N, energy above in 1e-6", f"{used:.2f}, {residual:.0e}, {above:.1f}")
+        what = f"force left over by L-BFGS of {name} in thirty times Newton's time, over Newton's"
+        bench.ratio(f"garment.l_bfgs.{name}", what, residual / found[0].residual_n, at_least=10)
 
 
 def total_j(simulation, found) -> float:
@@ -180,41 +187,45 @@ def l_bfgs_torch(simulation, allowed_s: float) -> tuple[float, float, float]:
     return seconds(run), watched.residual, watched.energy
 
 
-def test_cost_grows_with_the_mesh_near_linearly_but_for_the_factor(row):
-    """From 467 to 28,712 vertices: what is done element by element, and the factorisation, each by itself."""
-    vertices, element, factor, whole, energy = [], [], [], [], []
+def test_cost_grows_with_the_mesh_as_memory_lets_it(bench):
+    """From 467 to 28,712 vertices: what is done element by element, beside a sweep of the same size; and the factorisation."""
+    vertices, element, sweep, factor, whole, energy = [], [], [], [], [], []
     for level in LEVELS:
         simulation = worn(level).simulation
         found = []
         whole.append(seconds(lambda s=simulation, f=found: f.append(s.solve(s.designable))))
         x = found[0].positions_m
         energy.append(found[0].energy_j)
-        solver = simulation._solver
         values = simulation.state(x).stiffness(0.0)
 
         def by_element(s=simulation, x=x):
             state = s.state(x)
             state.stiffness(0.0)
 
+        beside = gathered(len(x))
+        pairs = [(seconds(by_element), seconds(beside)) for _ in range(7)]
         vertices.append(len(x))
-        element.append(min(seconds(by_element) for _ in range(5)))
-        factor.append(min(seconds(lambda s=solver, v=values: s.factorise(v)) for _ in range(5)))
-        row(f"{vertices[-1]} vertices: energy, force and stiffness ms", f"{1e3 * element[-1]:.1f}", "")
-        row(f"{vertices[-1]} vertices: factor ms ({simulation.solver_name})", f"{1e3 * factor[-1]:.1f}", "")
-        row(f"{vertices[-1]} vertices: cold equilibrium s", f"{whole[-1]:.2f}", "")
+        element.append(min(one for one, _ in pairs))
+        sweep.append(min(other for _, other in pairs))
+        factor.append(min(seconds(lambda s=simulation, v=values: s._solver.factorise(v)) for _ in range(5)))
+        parts = f"{1e3 * element[-1]:.1f}, {1e3 * factor[-1]:.1f}, {1e3 * whole[-1]:.0f}"
+        bench.note(f"{vertices[-1]} vertices: by element, factor ({simulation.solver_name}), cold equilibrium: ms", parts)
     for count, stored in zip(vertices, energy, strict=True):
-        row(f"{count} vertices: energy against the finest mesh, %", f"{100 * (stored / energy[-1] - 1):+.2f}", "")
+        bench.note(f"{count} vertices: energy against the finest mesh, %", f"{100 * (stored / energy[-1] - 1):+.2f}")
     growth = np.polyfit(np.log(vertices[1:]), np.log(element[1:]), 1)[0]
-    row("power of the vertices by which the part by element grows, 1.8k to 28k", f"{growth:.2f}", "0.8 to 1.2")
+    bench.note("power of the vertices by which the part by element grows, 1.8k to 28k", f"{growth:.2f}")
+    grown = (element[-1] / element[1]) / (sweep[-1] / sweep[1])
+    bench.ratio("garment.growth", "growth of the part by element, 1.8k to 28k, over a memory sweep's", grown, at_most=1.6)
     draw(vertices, element, factor, whole)
-    assert 0.8 < growth < 1.2
 
 
-def test_following_a_motion_at_the_coarsest_level(row):
+def test_following_a_motion_at_the_coarsest_level(bench):
     motion = worn("coarse")
     angles = motion.motion.path(motion.angle_deg, 30)
     taken = seconds(lambda: evaluate_motion(motion, motion.simulation.designable, angles))
-    row("following an elbow at 467 vertices: ms a step of 2 degrees, torque and all", f"{1e3 * taken / len(angles):.0f}", "")
+    bench.note("following an elbow at 467 vertices: ms a step of 2 degrees, torque and all", f"{1e3 * taken / len(angles):.0f}")
+    a_step = taken / len(angles) / factor_s(motion.simulation, 9)
+    bench.ratio("garment.follow", "following an elbow at 467 vertices: a step, in factorisations", a_step, at_most=200)
 
 
 def draw(vertices, element, factor, whole) -> None:

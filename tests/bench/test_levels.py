@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 import statistics
-import time
-from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
+from ledger import Job, Ledger, cpu_s, side_by_side
 
 from haptics.fidelity import plan_scene
 from haptics.physics.brake.bank import BrakeBank
@@ -20,7 +20,6 @@ from haptics.scene import load_scene
 
 pytestmark = pytest.mark.bench
 
-Row = Callable[[str, str, str], None]
 TWO_TIPS = """summary = "a ball that two fingertips can touch"
 [[objects]]
 name = "ball"
@@ -30,15 +29,8 @@ effects = [{ kind = "contact", sites = ["index_tip", "thumb_tip"] }]
 """
 
 
-def cpu_s(job: Callable[[], object]) -> float:
-    began = time.process_time()
-    job()
-    return time.process_time() - began
-
-
-@pytest.mark.parametrize(("level", "bound"), [("event", 1000), ("table", 1000), ("dynamic", 20)])
-def test_fifteen_actuators_that_all_switch_twice_a_second(row: Row, level: str, bound: int) -> None:
-    seconds = 20
+def switching(level: str, seconds: int) -> Job:
+    """Fifteen actuators that all switch twice a second."""
 
     def job() -> None:
         plants = [latch_plant(level) for _ in range(15)]
@@ -51,14 +43,24 @@ def test_fifteen_actuators_that_all_switch_twice_a_second(row: Row, level: str, 
             plant.advance(float(seconds))
 
     job()
-    speed = seconds / min(cpu_s(job) for _ in range(5))
-    row(f"15 actuators at 2 Hz, level {level}, times faster than real time, one core", f"{speed:.0f}", f"{bound}")
-    assert speed >= bound
+    return job
+
+
+@pytest.mark.parametrize(
+    ("level", "over", "at_least", "seconds"),
+    [("event", "table", 2, 20), ("table", "dynamic", 4, 20), ("dynamic", "reference", 100, 1)],
+)
+def test_each_level_of_the_tactor_is_cheaper_than_the_next(
+    bench: Ledger, level: str, over: str, at_least: float, seconds: int
+) -> None:
+    _, quick_s, ratio = side_by_side(switching(over, seconds), switching(level, seconds), 3)
+    bench.note(f"15 actuators at 2 Hz, level {level}, times faster than real time, one core", f"{seconds / quick_s:.0f}")
+    bench.ratio(f"latch.{level}", f"15 actuators at 2 Hz, level {over} over level {level}", ratio, at_least=at_least)
 
 
 @pytest.mark.parametrize("level", ["table", "dynamic"])
-def test_a_thousand_gloves_in_a_batch(row: Row, level: str) -> None:
-    def job() -> None:
+def test_a_thousand_gloves_in_a_batch_cost_no_more_than_one_by_one(bench: Ledger, level: str) -> None:
+    def batch() -> None:
         bank = LatchBank(15_000, level)
         for k in range(2):
             bank.drive(0.5 * k, NOMINAL_VOLTS if k % 2 == 0 else -NOMINAL_VOLTS)
@@ -66,34 +68,35 @@ def test_a_thousand_gloves_in_a_batch(row: Row, level: str) -> None:
         bank.advance(1.0)
 
     LatchBank(1, level).drive(0.0, 5.0)
-    taken_s = min(cpu_s(job) for _ in range(3))
-    row(f"1000 gloves of 15 actuators at 2 Hz, level {level}, CPU of a simulated second", f"{taken_s:.2f} s", "")
+    batch_s, _, ratio = side_by_side(batch, switching(level, 20), 3)
+    bench.note(f"1000 gloves of 15 actuators at 2 Hz, level {level}, CPU of a simulated second", f"{batch_s:.2f} s")
+    bench.ratio(f"bank.{level}", f"the same, level {level}, over a thousand times one glove", ratio / 50, at_most=1.1)
 
 
 @pytest.mark.parametrize("level", ["lagged", "dynamic"])
-def test_a_step_of_sixty_four_clutches(row: Row, level: str) -> None:
-    bank = BrakeBank(64, level)
-    bank.drive(np.linspace(300.0, 1500.0, 64), 10.0)
-    bank.move(0.0, 5e-3)
-    bank.step(100)
-    together_us = min(cpu_s(lambda: bank.step(20_000)) for _ in range(5)) / 20_000 * 1e6
+def test_a_step_of_sixty_four_clutches(bench: Ledger, level: str) -> None:
+    def bank() -> BrakeBank:
+        made = BrakeBank(64, level)
+        made.drive(np.linspace(300.0, 1500.0, 64), 10.0)
+        made.move(0.0, 5e-3)
+        made.step(100)
+        return made
+
+    steps = 5_000
+    together, alone = bank(), bank()
 
     def one_by_one() -> None:
-        for _ in range(5_000):
-            bank.step()
+        for _ in range(steps):
+            alone.step()
 
-    alone_us = min(cpu_s(one_by_one) for _ in range(3)) / 5_000 * 1e6
-    row(
-        f"64 clutches, level {level}, a step of 1 ms, many in a call",
-        f"{together_us:.2f} us",
-        "5 us" if level == "lagged" else "",
-    )
-    row("  one step a call", f"{alone_us:.2f} us", "")
-    assert level != "lagged" or together_us < 5.0
+    alone_s, together_s, ratio = side_by_side(one_by_one, lambda: together.step(steps))
+    bench.note(f"64 clutches, level {level}, a step of 1 ms, many in a call", f"{together_s / steps * 1e6:.2f} us")
+    bench.note("one step a call", f"{alone_s / steps * 1e6:.2f} us")
+    bench.ratio(f"clutches.{level}", f"64 clutches, level {level}: one step a call, over many in a call", ratio, at_least=1.3)
 
 
 @pytest.mark.parametrize("level", ["table", "dynamic"])
-def test_a_pulse_against_a_general_solver_at_equal_accuracy(row: Row, level: str) -> None:
+def test_a_pulse_against_a_general_solver_at_equal_accuracy(bench: Ledger, level: str) -> None:
     """The same equation handed to scipy as a user would: the fastest method and tolerance that are as exact as the level."""
     from scipy.integrate import solve_ivp
 
@@ -136,21 +139,26 @@ def test_a_pulse_against_a_general_solver_at_equal_accuracy(row: Row, level: str
     method, rtol = min(good, key=lambda how: min(cpu_s(lambda: theirs(*how)) for _ in range(2)))
     pairs = [(cpu_s(ours), cpu_s(lambda: theirs(method, rtol))) for _ in range(21)]
     ratio = statistics.median(b / a for a, b in pairs)
-    row(f"a pulse of 10 ms, level {level}, median of 21", f"{statistics.median(a for a, _ in pairs) * 1e3:.3f} ms", "")
-    row(f"  solve_ivp as exact: {method}, rtol {rtol:g}", f"{statistics.median(b for _, b in pairs) * 1e3:.2f} ms", "")
-    row(f"  ratio, side by side (arrival off by {our_error_s * 1e9:.2f} ns)", f"{ratio:.0f}", "100")
-    assert ratio >= 100
+    bench.note(f"a pulse of 10 ms, level {level}, median of 21", f"{statistics.median(a for a, _ in pairs) * 1e3:.3f} ms")
+    bench.note(f"solve_ivp as exact: {method}, rtol {rtol:g}", f"{statistics.median(b for _, b in pairs) * 1e3:.2f} ms")
+    what = f"a pulse of 10 ms by solve_ivp, over level {level} (arrival off by {our_error_s * 1e9:.2f} ns)"
+    bench.ratio(f"latch.solver.{level}", what, ratio, at_least=80)
 
 
-def test_the_search_for_the_least_pulse(row: Row) -> None:
+def test_the_search_for_the_shortest_pulse(bench: Ledger) -> None:
+    def search(level: str) -> float:
+        return statistics.median(cpu_s(lambda n=n: switch(0.010, 5.0 - 1e-3 * n, level=level)) for n in range(1, 10))
+
     for level in ("table", "dynamic"):
-        searching_s = [cpu_s(lambda volts=5.0 - 1e-3 * n, level=level: switch(0.010, volts, level=level)) for n in range(1, 10)]
-        row(f"predict latch at level {level}, with its search, median of 9", f"{statistics.median(searching_s) * 1e3:.2f} ms", "")
+        bench.note(f"predict latch at level {level}, with its search, median of 9", f"{search(level) * 1e3:.2f} ms")
+    bench.ratio(
+        "latch.search", "predict latch with its search, level dynamic over table", search("dynamic") / search("table"), at_least=3
+    )
 
 
-def test_a_scene_of_two_fingertips_costs_what_two_actuators_cost(row: Row, tmp_path) -> None:
+def test_a_scene_of_two_fingertips_costs_what_two_actuators_cost(bench: Ledger, tmp_path: Path) -> None:
     path = tmp_path / "two.toml"
     path.write_text(TWO_TIPS)
     two, desk = (sum(r.cost_s_per_s for r in plan_scene(load_scene(scene)).rows) for scene in (path, "desk"))
-    row("models of a scene with two fingertips, of the desk: planned CPU a second", f"{two * 1e6:.0f}, {desk * 1e6:.0f} us", "")
-    assert two < 0.2 * desk
+    bench.note("models of two fingertips, of the desk: planned CPU a second", f"{two * 1e6:.0f}, {desk * 1e6:.0f} us")
+    bench.ratio("plan.two_fingertips", "planned cost of two fingertips, over the desk", two / desk, at_most=0.2)
