@@ -172,7 +172,7 @@ class Oracle:
         self._port.set_load(0, lid_open=int(self.lid_open))
         if self.lid_open:
             self._opened_ns = self._port.now_ns
-            self._end(self._opened_ns)
+            self._end(self._opened_ns, LID_NS)
 
     def settle(self) -> None:
         """Read what the board said, and judge as far as it has answered."""
@@ -263,13 +263,13 @@ class Oracle:
             mask, duration_ms = struct.unpack("<BH", payload[4:])
             self.permits["piezo"].append(Permit(due_ns, after(duration_ms), time_ns, mask=mask))
 
-    def _end(self, time_ns: int) -> None:
-        """From then on nothing that was granted so far is permitted."""
+    def _end(self, time_ns: int, unnoticed_ns: int = 0) -> None:
+        """From then on, or once the board can have noticed, nothing that was granted so far is permitted."""
         if self.armed:
-            self._armed[-1][1] = time_ns
+            self._armed[-1][1] = time_ns + unnoticed_ns
         for permits in self.permits.values():
             for permit in permits:
-                permit.revoked_ns = min(permit.revoked_ns, time_ns + self._late_ns)
+                permit.revoked_ns = min(permit.revoked_ns, time_ns + unnoticed_ns + self._late_ns)
 
     # What may be.
 
@@ -318,8 +318,8 @@ class Oracle:
         return False
 
     def _may_stand(self, kind: str, channel: int, time_ns: int) -> bool:
-        """Permission may have ended so long ago as the board may be late, or as a lid may go unnoticed."""
-        since_ns = time_ns - self._late_ns - (LID_NS if time_ns - self._opened_ns < 2 * LID_NS else 0)
+        """Permission may have ended so long ago as the board may be late."""
+        since_ns = time_ns - self._late_ns
         moments = {time_ns, since_ns} | {moment for span in self._armed for moment in (span[1] - 1, span[0] + SELF_TEST_NS - 1)}
         moments |= {moment for one in self.permits[kind] for moment in (one.due_ns, one.end_ns - 1)}
         return any(since_ns <= one <= time_ns and self._permitted(kind, channel, one) for one in moments)
@@ -347,7 +347,7 @@ class Oracle:
         for place, one in enumerate(drives):
             later = [o.due_ns for n, o in enumerate(drives) if (o.due_ns, n) > (one.due_ns, place) and o.due_ns < o.revoked_ns]
             ended_ns = min(one.end_ns, one.revoked_ns, *later)
-            fades_ns = DISCHARGE_NS + self._late_ns + (LID_NS if one.revoked_ns == self._opened_ns else 0)
+            fades_ns = DISCHARGE_NS + self._late_ns
             if (one.mask, one.frequency_dhz) in waves:
                 fades_ns += one.half_period_ns
             if one.mask >> channel & 1 and one.due_ns <= time_ns <= ended_ns + fades_ns:
