@@ -216,16 +216,17 @@ class Oracle:
         if status != 0 or not asked.kind:
             return
         time_ns = max(self._port.tick_ns(tick), asked.time_ns - 500)
-        if self.lid_open and time_ns - self._opened_ns < LID_NS:
-            return  # it may not have looked yet; what it says it took holds for nothing
+        unnoticed = self.lid_open and time_ns - self._opened_ns < LID_NS  # it may not have looked yet
         if asked.kind in (STOP, DISARM):
             self._end(time_ns)
-        elif asked.kind == ARM:
+        elif asked.kind == ARM and not unnoticed:
             self._arm(time_ns, struct.unpack("<I", asked.payload)[0])
         elif asked.kind in (PULSE, DRIVE, PIEZO):
-            if not self.armed:
+            if not self.armed and not unnoticed:
                 self.wrong.append(f"{asked.kind:#x} was taken at {time_ns / MS} ms by a board that is not armed")
             self._grant(asked.kind, asked.payload, time_ns)
+            if unnoticed:
+                self._end(self._opened_ns, LID_NS)
         elif asked.kind == CANCEL:
             for permit in self.permits["coil"]:
                 if permit.due_ns > time_ns and struct.unpack("<H", asked.payload)[0] & permit.mask:
