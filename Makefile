@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 FUZZ_S ?= 60
 
-.PHONY: demo test check bench soak mutants clean help firmware firmware-flash fuzz firmware-fuzzers
+.PHONY: demo test check bench soak mutants clean help protocol firmware firmware-flash fuzz firmware-fuzzers
 
 help:  ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/'
@@ -37,6 +37,10 @@ soak: $(STAMP)  ## the judged sizes: hundreds of kills, long random runs
 
 mutants: $(STAMP)  ## safety code broken on purpose, one break at a time: the tests must find each
 	$(BIN)/python tests/mutants/run.py
+
+protocol: $(STAMP)  ## bring the C header and the protocol page up to date with the message table
+	$(BIN)/python -m firmware_models.cores.c_headers
+	$(BIN)/python tools/protocol_page.py
 
 firmware:  ## the images of both boards, into build/firmware (avr-gcc, no Python)
 	@command -v avr-gcc >/dev/null || { echo "avr-gcc not found: install gcc-avr, binutils-avr and avr-libc"; exit 1; }

@@ -41,9 +41,9 @@ class LinkError(HapticsError):
 
     def __init__(self, port: str, seen: str, command: str | None = None, advice: str | None = None):
         self.port, self.seen, self.command, self.advice = port, seen, command, advice
-        during = f" during {command}" if command else ""
+        about = f"{command}: " if command else ""
         hint = f"; {advice}" if advice else ""
-        super().__init__(f"{port}: {seen}{during}{hint}")
+        super().__init__(f"{port}: {about}{seen}{hint}")
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _rebuilt, (type(self), str(self), self.__dict__)  # rigs run in other processes, and their errors come home

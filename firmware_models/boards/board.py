@@ -231,7 +231,7 @@ class FirmwareModel:
         elif name in self._commands:
             self._answer(frame.seq, *self._carry_out(name, frame.payload))
         elif name != "keepalive":
-            self._answer(frame.seq, Status.UNKNOWN if message is None else Status.BAD_LENGTH, 0)
+            self._answer(frame.seq, Status.BAD_LENGTH if message is not None and not name else Status.UNKNOWN, 0)
 
     def _carry_out(self, name: str, payload: bytes) -> tuple[Status, int]:
         try:

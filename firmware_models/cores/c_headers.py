@@ -53,7 +53,7 @@ def protocol_header() -> str:
         Constant("LONGEST_HOST_PAYLOAD", max(_size(m) for m in host), "bytes", "of those a host sends"),
         Constant("REMEMBERED_REPLIES", messages.REMEMBERED_REPLIES, "", ""),
     )
-    parts = [_lines(numbers), *(_enum(kind) for kind in (Board, Status, State, Fault))]
+    parts = [_lines(numbers), *(_enum(kind) for kind in (Board, Status, State, Fault)), _accepted(host)]
     parts += [_message(m) for m in MESSAGES]
     return _file("PROTOCOL_H", "The wire protocol in numbers; docs/reference/protocol.md says what they mean.", parts)
 
@@ -176,6 +176,25 @@ def _message(message: Message) -> str:
         shape = f"{field.code} x {field.count}" if field.count > 1 else field.code
         lines.append(f"#define AT_{name}_{field.name.upper()} {at}u /* {shape}{f', {field.unit}' if field.unit else ''} */")
         at += field.count * _BYTES[field.code]
+    return "\n".join(lines)
+
+
+def _accepted(host: list[Message]) -> str:
+    """What each board takes from a host, as initialisers: sizes by type from 1 on, and the commands that lie beyond those."""
+    both = {m.type: m for m in host if len(m.boards) == len(Board)}
+    common = [both[type_] for type_ in range(1, len(both) + 1) if type_ in both]
+    own = {board: [m for m in host if board in m.boards and m not in common] for board in Board}
+    rows = max(map(len, own.values()))
+    sizes = ", \\\n    ".join(f"[MESSAGE_{m.name.upper()}] = {m.name.upper()}_SIZE" for m in common)
+    lines = [
+        "/* what a host sends: payload sizes by type, from 1 on; the commands beyond those, {type, size} */",
+        f"#define COMMON_SIZES {{ \\\n    {sizes}, \\\n}}",
+        f"#define OWN_COMMANDS {rows}u",
+    ]
+    for board, messages_of in own.items():
+        filled = messages_of + messages_of[-1:] * (rows - len(messages_of))  # a row twice is found once
+        pairs = ", ".join(f"{{MESSAGE_{m.name.upper()}, {m.name.upper()}_SIZE}}" for m in filled)
+        lines.append(f"#define {board.name}_COMMANDS {{{pairs}}}")
     return "\n".join(lines)
 
 

@@ -10,9 +10,10 @@ from haptics.link.events import Disarmed, Event, Failed, FaultReported, Identifi
 from haptics.link.messages import Board, Fault, State, Status
 from haptics.link.ports import PortInfo, list_ports, open_port
 from haptics.link.runner import RealtimeRunner, VirtualRunner, connect
-from haptics.link.session import LinkSession, Phase
+from haptics.link.session import LinkSession
 from haptics.link.settings import LinkCounters, LinkSettings
 from haptics.link.simulated import SimulatedPort, simulated
+from haptics.link.state import Phase
 
 __all__ = [
     "Board",

@@ -21,18 +21,27 @@ _NS_PER_TICK = NS_PER_S / TICK_HZ
 
 
 def signed_ticks(later: int, earlier: int) -> int:
-    """``later - earlier`` of two u32 tick counts, the nearer way round: -2**31 to 2**31 - 1."""
+    """``later - earlier`` of two wrapping tick counts, by the shorter arc.
+
+    :param later: a u32 tick count.
+    :param earlier: another one.
+    :return: ticks from ``earlier`` to ``later``, -2**31 to 2**31 - 1 (negative where ``later`` comes first).
+    """
     return ((later - earlier + _HALF) % _WRAP) - _HALF
 
 
 class TickExtender:
-    """u32 ticks, which wrap every 2147 s, to a count that does not: the one nearest to the latest seen."""
+    """Extends u32 ticks, which wrap every 2147 s, to a count that does not wrap: the one nearest to the latest seen."""
 
     def __init__(self) -> None:
         self._latest: int | None = None
 
     def extend(self, ticks: int) -> int:
-        """Unwrapped count of ``ticks``; right as long as it lies within 1073 s of the latest seen."""
+        """Unwrapped count of ``ticks``; right as long as it lies within 1073 s of the latest seen.
+
+        :param ticks: a u32 tick count; the first one sets the origin.
+        :return: ticks (0.5 µs each) that do not wrap.
+        """
         if self._latest is None:
             self._latest = ticks
             return ticks
@@ -71,34 +80,59 @@ class ClockFit:
         return _NS_PER_TICK / self.ns_per_tick - 1.0
 
     def age_s(self, host_ns: int) -> float:
-        """Distance of ``host_ns`` from the newest exchange."""
+        """Distance of ``host_ns`` from the newest exchange.
+
+        :param host_ns: host time (ns), before or after the newest exchange.
+        :return: seconds, never negative.
+        """
         return abs(host_ns - self.reference_ns) / NS_PER_S
 
     def error_bound_s(self, host_ns: int) -> float:
-        """``(RTT - turn-around)/2 + jitter + drift * age``, the first terms cut down by earlier exchanges."""
+        """``(RTT - turn-around)/2 + jitter + drift * age``, the first terms cut down by earlier exchanges.
+
+        :param host_ns: host time (ns).
+        :return: by how much the board's clock may differ from this fit at that time (s).
+        """
         return self.error_s + self.drift * self.age_s(host_ns)
 
     def ticks_at(self, host_ns: int) -> int:
-        """Unwrapped board ticks at a host time."""
+        """Unwrapped board ticks at a host time.
+
+        :param host_ns: host time (ns).
+        :return: unwrapped ticks, rounded to a whole one.
+        """
         return round(self.reference_ticks + (host_ns - self.reference_ns) / self.ns_per_tick)
 
     def host_ns_at(self, count: int) -> int:
-        """Host time of an unwrapped tick count."""
+        """Host time of an unwrapped tick count.
+
+        :param count: unwrapped ticks.
+        :return: host time (ns).
+        """
         return self.reference_ns + round((count - self.reference_ticks) * self.ns_per_tick)
 
     def to_ticks(self, host_ns: int) -> int:
-        """Board ticks as sent (u32) at a host time."""
+        """Board ticks as sent (u32) at a host time.
+
+        :param host_ns: host time (ns).
+        :return: ticks, u32.
+        """
         return self.ticks_at(host_ns) % _WRAP
 
     def to_host_ns(self, ticks: int, near_ns: int) -> int:
-        """Host time of u32 ``ticks``, the one nearest to ``near_ns``."""
+        """Host time of u32 ``ticks``, the one nearest to ``near_ns``.
+
+        :param ticks: a u32 tick count.
+        :param near_ns: host time (ns) within 1073 s of the answer; it decides between the wraps.
+        :return: host time (ns).
+        """
         near = self.ticks_at(near_ns)
         return self.host_ns_at(near + signed_ticks(ticks, near % _WRAP))
 
 
 @dataclass(frozen=True, slots=True)
 class _Exchange:
-    """``host - board`` lay within ``offset ± half`` when the board's clock said ``board`` (ns since the first exchange)."""
+    """``host - board`` lay within ``offset ± half`` when the board's clock showed ``board`` (ns since the first exchange)."""
 
     board: float
     offset: float
@@ -106,12 +140,13 @@ class _Exchange:
 
 
 class ClockModel:
-    """Learns a board's clock from exchanges.
+    """Learns a board's clock from exchanges. ``fit`` is the newest estimate, None before the first exchange.
 
-    :param tolerance: largest relative deviation of the board's rate from nominal (ceramic resonators: 0.5 %).
-    :param drift: largest relative wander of the rate about its mean within the window (temperature).
-    :param jitter_s: how early or late a stamp itself may be; at least one tick, 0.5 µs.
-    :param window: exchanges kept.
+    :param tolerance: largest relative deviation of the board's rate from nominal, 0 to 0.1 (ceramic resonators: 0.5 %).
+    :param drift: largest relative wander of the rate about its mean within the window, 0 to 0.1 (temperature).
+    :param jitter_s: how early or late a stamp itself may be (s): at least one tick, 0.5 µs, at most 1 s.
+    :param window: exchanges kept, 1 to 1000.
+    :raises InputError: a value outside its range.
     """
 
     def __init__(self, tolerance: float = 6e-3, drift: float = 2e-5, jitter_s: float = 2e-6, window: int = 16):
@@ -124,11 +159,16 @@ class ClockModel:
         self.fit: ClockFit | None = None
 
     def add(self, sent_ns: int, received_ticks: int, replied_ticks: int, arrived_ns: int) -> bool:
-        """Learn from one exchange (host, board, board, host stamps; ticks as u32).
+        """Learn from one exchange.
 
-        Returns False if it contradicts the earlier ones, which are then forgotten: the board's clock jumped. An
-        exchange that contradicts itself (an answer sent before the question came, or quicker than the round trip) is
-        not believed, and returns False as well.
+        An exchange that contradicts the earlier ones makes the model forget those: the board's clock jumped. One that contradicts
+        itself (an answer sent before the question came, or quicker than the round trip) is dropped.
+
+        :param sent_ns: host time (ns) at which the question was sent.
+        :param received_ticks: board ticks (u32) when its last byte had arrived.
+        :param replied_ticks: board ticks (u32) when the answer's first byte went out.
+        :param arrived_ns: host time (ns) at which the answer was read.
+        :return: whether the exchange agrees with the earlier ones and with itself.
         """
         turn_ns = signed_ticks(replied_ticks, received_ticks) * _NS_PER_TICK
         received = self._extender.extend(received_ticks)

@@ -1,4 +1,4 @@
-"""Commands on their way: numbered, at most eight open, repeated with the same number until answered or given up.
+"""Commands in flight: numbered, at most eight open, repeated with the same number until answered or given up.
 
 See "Sequence numbers, retries, duplicates" in ``docs/reference/protocol.md``. No command is sent that is eight or more numbers
 past the oldest open one, so that a repetition always meets the board's memory of its last replies.
@@ -23,7 +23,11 @@ class Pending:
     """A command whose outcome comes later.
 
     ``done`` turns True once: with a ``status`` (and ``detail``, ``board_time_ns``) if the board answered, or with an ``error``.
-    ``board_time_ns`` is the board's time of its answer on the host's clock, None before the clock is known.
+    ``board_time_ns`` is the board's time of its answer on the host's clock, None before the clock is known. ``sent`` is True once
+    the command was handed to the port, however it ended.
+
+    :param name: the command's name in the message table.
+    :param payload: its encoded fields.
     """
 
     __slots__ = ("board_time_ns", "detail", "done", "error", "name", "payload", "sent", "status")
@@ -39,12 +43,14 @@ class Pending:
 
     @property
     def ok(self) -> bool:
-        """Done, and the board said ok."""
+        """Done, and the board answered ok."""
         return self.status == Status.OK
 
     def result(self, port: str = "") -> Pending:
-        """Itself if the board said ok.
+        """Itself if the board answered ok.
 
+        :param port: name of the port, for the error of a command that is still open.
+        :return: this command.
         :raises LinkError: why it failed, or that it is still open.
         :raises CommandRefused: the board answered with another status.
         """
@@ -58,12 +64,20 @@ class Pending:
         return self
 
     def answer(self, status: int, detail: int, board_time_ns: int | None) -> None:
-        """Resolve with the board's answer."""
+        """Resolve with the board's answer.
+
+        :param status: the number in the reply; one that is not in ``Status`` is kept as a number.
+        :param detail: the reply's detail, 0 to 65535; its meaning depends on the status.
+        :param board_time_ns: when the board dealt with the command, on the host's clock (ns); None while that clock is unknown.
+        """
         self.status = _STATUSES.get(status, status)
         self.detail, self.board_time_ns, self.done = detail, board_time_ns, True
 
     def fail(self, error: LinkError) -> None:
-        """Resolve with an error."""
+        """Resolve with an error.
+
+        :param error: what to raise from ``result``.
+        """
         self.error, self.done = error, True
 
     def __repr__(self) -> str:
@@ -75,7 +89,11 @@ _STATUSES = {int(status): status for status in Status}
 
 
 def status_name(status: int | None) -> str:
-    """A status as the protocol page writes it."""
+    """A status as the protocol page writes it.
+
+    :param status: the number in a reply, or None.
+    :return: such as ``bad_value``; ``status 42`` where the table has no such number.
+    """
     return _STATUSES[status].name.lower() if status in _STATUSES else f"status {status}"
 
 
@@ -125,15 +143,19 @@ class CommandWindow:
     def submit(self, pending: Pending, latest_ns: int = NEVER_NS) -> None:
         """Queue a command behind those that wait.
 
-        :param latest_ns: a command that still waits then is not sent, and ends as ``late``: a queue that has once grown
-            longer than the line is fast would else make everything late for ever.
+        :param pending: the command.
+        :param latest_ns: host time (ns) up to which it is worth sending. One that still waits then is not sent and ends as
+            ``late``: a queue that has once grown longer than the line is fast would otherwise make all that follows late.
         """
         self._waiting.append((pending, self._tries, latest_ns))
 
     def submit_alone(self, pending: Pending, tries: int, reason: str) -> Pending:
-        """Pass every queue: all that waits or is open fails with ``reason`` and is not repeated; what comes later waits.
+        """Pass every queue: all that waits or is open fails and is not repeated; what comes later waits for this one.
 
-        Returns the command to watch: the one under way already, if there is one.
+        :param pending: the command.
+        :param tries: how often it is sent before it is given up, at least 1.
+        :param reason: why the others fail, in words.
+        :return: the command to watch: the one already under way alone if there is one, else ``pending``.
         """
         under_way = self.alone
         if under_way is not None:
@@ -147,7 +169,12 @@ class CommandWindow:
         return pending
 
     def pump(self, now_ns: int, emit: Callable[[bytes], None], hold: bool = False) -> None:
-        """Repeat what is overdue, then send what there is room for; with ``hold``, send nothing but let time-outs run."""
+        """Repeat what is overdue, then send what there is room for.
+
+        :param now_ns: host time now (ns).
+        :param emit: takes the bytes of each frame to be written.
+        :param hold: send nothing, but let the time-outs run.
+        """
         if now_ns >= self.next_due_ns:
             self._repeat(now_ns, emit, hold)
         while self._waiting and not hold and self._room():
@@ -193,12 +220,19 @@ class CommandWindow:
         self._replan()
 
     def repeat_no_more(self) -> None:
-        """What is open is not sent again, because the board was made to forget its replies; answers still count."""
+        """Send nothing open again, because the board was made to forget its replies; answers still count."""
         for command in self._open.values():
             command.tries_allowed = command.tries
 
     def resolve(self, number: int, status: int, detail: int, board_time_ns: int | None) -> Pending | None:
-        """The open command with this number, resolved; None if there is none (an answer that came twice, or too late)."""
+        """Resolve the open command with this number.
+
+        :param number: sequence number of the reply, 1 to 255.
+        :param status: see ``Pending.answer``; so are ``detail`` and ``board_time_ns``.
+        :param detail: the reply's detail, 0 to 65535.
+        :param board_time_ns: host time (ns) of the answer, or None.
+        :return: the command, or None if no such command is open (an answer that came twice, or too late).
+        """
         command = self._open.pop(number, None)
         if command is None:
             return None
@@ -211,7 +245,11 @@ class CommandWindow:
         self.next_due_ns = min((command.due_ns for command in self._open.values()), default=NEVER_NS)
 
     def fail_all(self, kind: type[LinkError], reason: str) -> None:
-        """Fail what waits and what is open; numbers go on counting, so that no late answer meets a new command."""
+        """Fail what waits and what is open. Numbers go on counting, so that no late answer meets a new command.
+
+        :param kind: class of the errors.
+        :param reason: why, in words; "whether it was carried out is unknown" is added for commands that had been sent.
+        """
         failed = [command.pending for command in self._open.values()] + [pending for pending, *_ in self._waiting]
         self._open.clear()
         self._waiting.clear()

@@ -18,12 +18,11 @@ from haptics.link.simulated import simulated
 class Link:
     """One board on one port. Every method may be called from any thread.
 
-    ``send``, ``arm``, ``stop`` write to the port before they return, so a stop waits for nothing.
+    ``send``, ``arm``, ``stop`` write to the port before they return, so a stop waits for nothing. ``simulated`` is the port as a
+    simulated one, or None if it is real.
 
     :param port: an open port, from ``open_port``.
     :param session: its session; errors name the port as the session does.
-
-    ``simulated`` is the port as a simulated one, or None if it is real.
     """
 
     def __init__(self, port: BytePort, session: LinkSession):
@@ -54,7 +53,7 @@ class Link:
 
     @property
     def armed(self) -> bool:
-        """The board said it armed, and nothing since says otherwise."""
+        """The board answered ok to ``arm``, and nothing it sent since contradicts that."""
         return self.session.armed
 
     @property
@@ -68,12 +67,22 @@ class Link:
         return self.session.clock
 
     def to_ticks(self, host_ns: int) -> int:
-        """See ``LinkSession.to_ticks``."""
+        """See ``LinkSession.to_ticks``.
+
+        :param host_ns: host time (ns).
+        :return: board ticks, u32.
+        :raises ClockUncertain: the board's clock is not known well enough at that time.
+        """
         with self._lock:
             return self.session.to_ticks(host_ns)
 
     def exact_ticks(self, host_ns: int) -> int:
-        """See ``LinkSession.exact_ticks``."""
+        """See ``LinkSession.exact_ticks``.
+
+        :param host_ns: host time (ns).
+        :return: board ticks, u32.
+        :raises ClockUncertain: the board's clock is not known well enough at that time to measure by.
+        """
         with self._lock:
             return self.session.exact_ticks(host_ns)
 
@@ -83,37 +92,63 @@ class Link:
         return self.session.shift_ns
 
     def to_host_ns(self, ticks: int) -> int:
-        """See ``LinkSession.to_host_ns``."""
+        """See ``LinkSession.to_host_ns``.
+
+        :param ticks: board ticks, u32.
+        :return: host time (ns).
+        :raises ClockUncertain: the board's clock was never measured.
+        """
         with self._lock:
             return self.session.to_host_ns(ticks)
 
     def events(self) -> list[Event]:
-        """What happened since the last call."""
+        """What happened since the last call.
+
+        :return: events in the order they happened; each is returned once.
+        """
         with self._lock:
             return self.session.events()
 
     def start(self, now_ns: int) -> None:
-        """Begin the handshake."""
+        """Begin the handshake.
+
+        :param now_ns: host time now (ns).
+        """
         with self._lock:
             self.session.start(now_ns)
             self._write(now_ns)
 
     def send(self, name: str, *values: Any, now_ns: int) -> Pending:
-        """See ``LinkSession.send``."""
+        """See ``LinkSession.send``.
+
+        :param name: a command of the message table, such as ``pulse``.
+        :param values: its fields in the order of the table.
+        :param now_ns: host time now (ns).
+        :return: the command; its outcome comes later.
+        :raises InputError: no such command for this board, or values that do not fit.
+        """
         with self._lock:
             pending = self.session.send(name, *values, now_ns=now_ns)
             self._write(now_ns)
             return pending
 
     def arm(self, now_ns: int) -> Pending:
-        """See ``LinkSession.arm``."""
+        """See ``LinkSession.arm``.
+
+        :param now_ns: host time now (ns).
+        :return: the command; its outcome comes later.
+        """
         with self._lock:
             pending = self.session.arm(now_ns)
             self._write(now_ns)
             return pending
 
     def stop(self, now_ns: int) -> Pending:
-        """See ``LinkSession.stop``."""
+        """See ``LinkSession.stop``.
+
+        :param now_ns: host time now (ns).
+        :return: the stop to watch.
+        """
         with self._lock:
             pending = self.session.stop(now_ns)
             self._write(now_ns)
@@ -121,7 +156,9 @@ class Link:
 
     @property
     def next_event_ns(self) -> int:
-        """When the session wants to be asked, or a simulated port's board acts or is heard; ``NEVER_NS`` if neither ever will."""
+        """When the session has something due, or a simulated port's board acts or is heard (ns); ``NEVER_NS`` if neither ever
+        will.
+        """
         deadline_ns = self.session.next_deadline_ns
         event_ns = self.simulated.next_event() if self.simulated is not None else None
         if event_ns is None:
@@ -129,12 +166,19 @@ class Link:
         return event_ns if deadline_ns is None or event_ns < deadline_ns else deadline_ns
 
     def advance(self, to_ns: int) -> None:
-        """Carry a simulated port to ``to_ns``; a real one, or a closed one, needs nobody for that."""
+        """Carry a simulated port to ``to_ns``; a real one, or a closed one, is left alone.
+
+        :param to_ns: time of the port's world (ns), not before where it is.
+        """
         if self.simulated is not None and self.port.is_open:
             self.simulated.advance(to_ns)
 
     def service(self, now_ns: int) -> None:
-        """Hand what has come to the session, let it work, write what it says; nothing once the link ended. Waits for nothing."""
+        """Hand what has come to the session, let it work, and write what it sends; nothing once the link ended. Waits for
+        nothing.
+
+        :param now_ns: host time now (ns).
+        """
         if self.session.error is not None:
             return
         try:
@@ -148,6 +192,7 @@ class Link:
     def wait_for_bytes(self) -> bytes:
         """What comes within the port's read time-out.
 
+        :return: the bytes read; empty if none came.
         :raises LinkLost: the port went away.
         """
         with self._reading:
@@ -155,7 +200,11 @@ class Link:
             return data + read_waiting(self.port) if data else data
 
     def take(self, data: bytes, now_ns: int) -> None:
-        """Bytes that were read at ``now_ns``."""
+        """Hand bytes to the session and write what it sends.
+
+        :param data: bytes read from the port; may be empty.
+        :param now_ns: host time (ns) at which they were read.
+        """
         with self._lock:
             if data:
                 self.session.receive(data, now_ns)
@@ -163,12 +212,20 @@ class Link:
             self._write(now_ns)
 
     def lose(self, error: LinkError, now_ns: int) -> None:
-        """The port went away."""
+        """End the link because the port went away.
+
+        :param error: why.
+        :param now_ns: host time now (ns).
+        """
         with self._lock:
             self.session.lost(error, now_ns)
 
     def reopen(self, port: BytePort, now_ns: int) -> None:
-        """Go on with another open port, from the handshake on. Never arms."""
+        """Go on with another open port, from the handshake on. Never arms.
+
+        :param port: an open port to the same board.
+        :param now_ns: host time now (ns).
+        """
         with self._lock:
             self.port, self.simulated = port, simulated(port)
             self.start(now_ns)
@@ -179,7 +236,7 @@ class Link:
             with PortErrors(self.name, "close"):
                 self.port.close()
         except LinkLost:
-            pass  # it is closed, one way or another
+            pass  # it is closed all the same
 
     def _write(self, now_ns: int) -> None:
         data = self.session.outgoing()

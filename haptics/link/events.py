@@ -1,4 +1,4 @@
-"""What a link session tells its owner, in the order it happened. ``time_ns`` is host time."""
+"""What a link session reports to its owner, in the order it happened. ``time_ns`` is host time."""
 
 from __future__ import annotations
 
@@ -15,7 +15,11 @@ NO_CHANNEL = 255
 
 @dataclass(frozen=True, slots=True)
 class Identified:
-    """A board said who it is; ``identity`` is the message's named tuple."""
+    """A board sent its identity.
+
+    :param time_ns: when it came, host time (ns).
+    :param identity: the ``identity`` message.
+    """
 
     time_ns: int
     identity: Any
@@ -23,14 +27,21 @@ class Identified:
 
 @dataclass(frozen=True, slots=True)
 class Ready:
-    """Identified, clock measured, limits configured: commands are taken. Nothing is armed."""
+    """Identified, clock measured, limits configured: commands are taken. Nothing is armed.
+
+    :param time_ns: host time (ns).
+    """
 
     time_ns: int
 
 
 @dataclass(frozen=True, slots=True)
 class Telemetry:
-    """``message`` is the named tuple as sent; ``time_ns`` is its board time on the host's clock."""
+    """A telemetry message came.
+
+    :param time_ns: its board time on the host's clock (ns).
+    :param message: the message as sent, its fields in the table's units.
+    """
 
     time_ns: int
     message: Any
@@ -38,7 +49,13 @@ class Telemetry:
 
 @dataclass(frozen=True, slots=True)
 class FaultReported:
-    """The board latched a fault; ``fault`` is a number if this table does not know it; ``channel`` may be ``NO_CHANNEL``."""
+    """The board latched a fault.
+
+    :param time_ns: when, board time on the host's clock (ns).
+    :param fault: the fault; a plain number if this table has no such fault.
+    :param channel: output it belongs to, from 0, or ``NO_CHANNEL``.
+    :param value: what was measured; its unit depends on the fault (``docs/reference/protocol.md``).
+    """
 
     time_ns: int
     fault: Fault | int
@@ -48,7 +65,11 @@ class FaultReported:
 
 @dataclass(frozen=True, slots=True)
 class Disarmed:
-    """The board is no longer armed and nobody here asked for that."""
+    """The board is no longer armed and its owner did not ask for that.
+
+    :param time_ns: when this was noticed, host time (ns).
+    :param reason: what showed it, in words.
+    """
 
     time_ns: int
     reason: str
@@ -56,7 +77,12 @@ class Disarmed:
 
 @dataclass(frozen=True, slots=True)
 class Rebooted:
-    """The board started anew: its clock and queue are void, and it stays disarmed until somebody arms it."""
+    """The board started anew: its clock and queue are void, and it stays disarmed until somebody arms it.
+
+    :param time_ns: when this was noticed, host time (ns).
+    :param old_boot_id: u32 of the boot before.
+    :param new_boot_id: u32 of this boot.
+    """
 
     time_ns: int
     old_boot_id: int
@@ -65,7 +91,11 @@ class Rebooted:
 
 @dataclass(frozen=True, slots=True)
 class Failed:
-    """The handshake ended without a usable board (``NotABoard``, ``WrongFirmware``, ``CommandRefused``, ``ReplyTimeout``)."""
+    """The handshake ended without a usable board.
+
+    :param time_ns: host time (ns).
+    :param error: why: ``NotABoard``, ``WrongFirmware``, ``CommandRefused`` or ``ReplyTimeout``.
+    """
 
     time_ns: int
     error: LinkError
@@ -73,7 +103,11 @@ class Failed:
 
 @dataclass(frozen=True, slots=True)
 class Lost:
-    """The port or the board went away; every open command has failed with ``error``."""
+    """The port or the board went away; every open command has failed.
+
+    :param time_ns: host time (ns).
+    :param error: why; open commands carry the same reason.
+    """
 
     time_ns: int
     error: LinkError

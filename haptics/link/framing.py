@@ -28,7 +28,12 @@ BITS_PER_BYTE = 10
 
 
 class Frame(NamedTuple):
-    """A frame whose checksum held."""
+    """A frame whose checksum held.
+
+    :param type: message type, 0 to 255; not necessarily one of the table.
+    :param seq: sequence number, 0 to 255.
+    :param payload: 0 to 64 bytes.
+    """
 
     type: int
     seq: int
@@ -38,6 +43,10 @@ class Frame(NamedTuple):
 def encode_frame(type_: int, seq: int, payload: bytes = b"") -> bytes:
     """Wire bytes of a frame, delimiter included.
 
+    :param type_: message type, 0 to 255.
+    :param seq: sequence number, 0 to 255; 0 for messages that carry none.
+    :param payload: encoded fields, at most 64 bytes.
+    :return: 6 to 70 bytes that end with the delimiter 0x00.
     :raises InputError: payload longer than 64 bytes, or type or sequence number not a byte.
     """
     if len(payload) > MAX_PAYLOAD:
@@ -51,7 +60,8 @@ def encode_frame(type_: int, seq: int, payload: bytes = b"") -> bytes:
 class Deframer:
     """Cuts a byte stream into frames and counts what was no frame. Never raises on bytes, never grows without bound.
 
-    ``sample`` is the beginning of the first bytes that were no frame, for a diagnosis; empty it to have a new one.
+    ``bad_frames`` counts what was dropped. ``sample`` is the beginning (at most 32 bytes) of the first bytes that were no frame,
+    for a diagnosis; empty it to have a new one.
     """
 
     def __init__(self) -> None:
@@ -61,7 +71,11 @@ class Deframer:
         self.sample = b""
 
     def feed(self, data: bytes) -> list[Frame]:
-        """Frames completed by ``data``, in order; garbage is counted in ``bad_frames`` and dropped."""
+        """Frames completed by ``data``; what is no frame is counted in ``bad_frames`` and dropped.
+
+        :param data: the next bytes of the stream; frames may be cut anywhere between calls.
+        :return: whole frames in the order they came.
+        """
         frames: list[Frame] = []
         pieces = bytes(data).split(DELIMITER)
         for index, piece in enumerate(pieces):

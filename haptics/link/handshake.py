@@ -1,4 +1,4 @@
-"""Who is there: what must agree before a board is spoken to, and what to say if nobody fits."""
+"""Identifying a board: what must match before it is used, and the diagnosis where nothing usable answers."""
 
 from __future__ import annotations
 
@@ -27,7 +27,8 @@ from haptics.time import NS_PER_S
 
 FLASH = "flash the firmware that belongs to this package: make firmware-flash BOARD=tactiles|brake PORT=..."
 _CHANNELS: dict[int, int] = {Board.TACTILES: COIL_CHANNELS, Board.BRAKE: BRAKE_CHANNELS}
-_NOT_COMMANDS = ("identify", "sync", "keepalive")
+UNNUMBERED = ("identify", "sync", "keepalive")
+"""Messages that a session sends itself, under number 0: they are no commands."""
 _SCHEMA_HASH = schema_hash()
 _TEXT = re.compile(rb"[\t\r\n -~]{8}")
 _IDENTIFY = DELIMITER + encode_frame(BY_NAME["identify"].type, 0)  # the delimiter ends whatever noise came before
@@ -43,7 +44,13 @@ class Seen(Protocol):
 
 
 class Before(NamedTuple):
-    """The same counters, as they were when an inquiry began."""
+    """The same counters, as they were when an inquiry began.
+
+    :param bytes_in: bytes received.
+    :param frames_in: whole frames received.
+    :param bad_frames: pieces that were no frame.
+    :param echoes: frames that only a host sends.
+    """
 
     bytes_in: int
     frames_in: int
@@ -52,28 +59,39 @@ class Before(NamedTuple):
 
 
 class Inquiry:
-    """Asking who is there, every so often, until somebody answers or patience ends."""
+    """Asking for the board's identity at intervals, until it answers or the tries are used up.
+
+    ``reason``: why it is being asked, None while it is not. ``before``: the counters as they were when it began.
+
+    :param every_ns: time between two questions (ns).
+    :param tries: questions before it is given up.
+    """
 
     def __init__(self, every_ns: int, tries: int):
         self._every_ns, self._tries_allowed = every_ns, tries
-        self.reason: str | None = None  # why it is being asked; None: nobody asks
+        self.reason: str | None = None  # why it is being asked; None: it is not
         self.tries = 0
         self.due_ns = NEVER_NS
         self.before = Before(0, 0, 0, 0)
 
     def begin(self, reason: str, now_ns: int, seen: Seen) -> None:
-        """Ask from now on; if that is so already, go on. ``seen``: the counters, which are noted as they are now."""
+        """Ask from now on; an inquiry that is under way goes on.
+
+        :param reason: why, in words.
+        :param now_ns: host time now (ns).
+        :param seen: the session's counters; noted as they are now.
+        """
         if self.reason is None:
             self.reason, self.tries, self.due_ns = reason, 0, now_ns
             self.before = Before(seen.bytes_in, seen.frames_in, seen.bad_frames, seen.echoes)
 
     def end(self) -> None:
-        """An answer came, or nobody wants to know any more."""
+        """End it: an answer came, or the session is over."""
         self.reason, self.due_ns = None, NEVER_NS
 
     @property
     def waited_s(self) -> float:
-        """Time asked for so far."""
+        """Time asked for so far (s)."""
         return self.tries * self._every_ns / NS_PER_S
 
     @property
@@ -82,14 +100,23 @@ class Inquiry:
         return self.tries >= self._tries_allowed
 
     def frame(self, now_ns: int) -> bytes:
-        """The next question."""
+        """Count one try and plan the next.
+
+        :param now_ns: host time now (ns).
+        :return: wire bytes of the question.
+        """
         self.tries += 1
         self.due_ns = now_ns + self._every_ns
         return _IDENTIFY
 
 
 def mismatch(identity: Any, expected: Board | None) -> tuple[str, str] | None:
-    """What keeps this identity from being the board expected, and what to do about it, in words; or None."""
+    """What keeps this identity from being the board expected.
+
+    :param identity: the ``identity`` message.
+    :param expected: the board wanted, or None for any.
+    :return: what differs and what to do about it, in words; None if the board can be used.
+    """
     if identity.board in _CHANNELS and expected is not None and identity.board != expected:
         seen = f"this is the {Board(identity.board).name.lower()} board, not {expected.name.lower()}"
         return seen, "are the two ports swapped?"
@@ -98,11 +125,16 @@ def mismatch(identity: Any, expected: Board | None) -> tuple[str, str] | None:
 
 
 def different_limits(identity: Any, configured: Sequence[int]) -> str | None:
-    """Where a board's limits are not those configured, in words; None where all are."""
+    """Where a board's limits differ from those configured.
+
+    :param identity: the ``identity`` message sent after ``configure``.
+    :param configured: the limits that were sent, in the order of ``identity.limits`` and its units.
+    :return: each differing limit in words, or None if all are as configured.
+    """
     names = LIMIT_NAMES[Board(identity.board)]
     rows = zip(names, identity.limits, configured, strict=True)
     wrong = [f"{name} {kept} {unit}, configured: {asked} {unit}" for (name, unit), kept, asked in rows if kept != asked]
-    return f"it said ok, and keeps to {'; '.join(wrong)}" if wrong else None
+    return f"the board answered ok to configure, but keeps {'; '.join(wrong)}" if wrong else None
 
 
 def _strange(identity: Any) -> str | None:
@@ -115,42 +147,60 @@ def _strange(identity: Any) -> str | None:
     if identity.tick_hz != TICK_HZ:
         return f"the board ticks at {identity.tick_hz} Hz, expected {TICK_HZ}"
     if not 1 <= identity.channels <= _CHANNELS[identity.board]:
-        return f"the board has {identity.channels} channels; allowed: 1 to {_CHANNELS[identity.board]}"
+        return f"the board has {identity.channels} channels; expected 1 to {_CHANNELS[identity.board]}"
     return None
 
 
 def diagnosis(port: str, seen: Seen, sample: bytes, tries: int, waited_s: float) -> NotABoard:
-    """The likeliest reason why nobody said who they are, and what to do about it. ``sample``: bytes that came."""
+    """The likeliest reason why no board answered, and what to do about it.
+
+    :param port: name of the port.
+    :param seen: the session's counters.
+    :param sample: the first bytes that came and were no frame; empty if there were none.
+    :param tries: times ``identify`` was sent.
+    :param waited_s: time that took (s).
+    :return: the error to raise.
+    """
     what, advice = _heard(seen.bytes_in, seen.frames_in, seen.bad_frames, seen.echoes, sample)
     return NotABoard(port, f"no identity in {tries} tries ({waited_s:g} s); {what}", "identify", advice)
 
 
 def silence(port: str, seen: Seen, inquiry: Inquiry, sample: bytes) -> LinkLost:
-    """Why a board that was known counts as lost: it says nothing any more, or something that cannot be read."""
+    """Why a board that was known counts as lost: nothing comes from it any more, or nothing that can be read.
+
+    :param port: name of the port.
+    :param seen: the session's counters now.
+    :param inquiry: the inquiry that went unanswered.
+    :param sample: the first bytes since its beginning that were no frame.
+    :return: the error to raise.
+    """
     before = inquiry.before
     bytes_in, frames_in = seen.bytes_in - before.bytes_in, seen.frames_in - before.frames_in
     waited = f"{inquiry.waited_s:g} s ({inquiry.reason})"
     if bytes_in == 0:
-        return LinkLost(port, f"the board fell silent for {waited}", advice="check cable and power")
+        return LinkLost(port, f"no byte came from the board for {waited}", advice="check cable and power")
     what, advice = _heard(bytes_in, frames_in, seen.bad_frames - before.bad_frames, seen.echoes - before.echoes, sample)
-    return LinkLost(port, f"no answer of the board for {waited}; {what}", advice=advice)
+    missing = "identity" if frames_in > 0 else "valid frame"
+    return LinkLost(port, f"no {missing} for {waited}; {what}", advice=advice)
 
 
 def _heard(bytes_in: int, frames_in: int, bad_frames: int, echoes: int, sample: bytes) -> tuple[str, str]:
     """What came instead of an identity, and what to do about it."""
     if bytes_in == 0:
-        advice = f"check power, cable, that this is the board's port, and the baud rate (boards speak {DEFAULT_BAUD})"
-        return "not one byte came back", advice
+        advice = f"check power, cable, that this is the board's port, and the baud rate (boards use {DEFAULT_BAUD})"
+        return "no byte came back", advice
     if echoes > 0:
-        return "what is sent comes back as it is", "this is a loop-back or an echoing terminal, not a board"
+        return "what was sent came back unchanged", "this is a loop-back or an echoing terminal, not a board"
     quoted = f", beginning with {sample!r}" if sample else ""
-    strange = f"{bytes_in} bytes came, {frames_in} whole frames and {bad_frames} bad ones{quoted}"
-    if _is_text(sample):
-        return strange, "that is text: does the firmware print messages on this line, or is this another device?"
     if frames_in > 0:
-        return f"{strange}; none of them an identity", "another device, or another firmware, speaks here"
-    what = f"{bytes_in} bytes came, never a whole frame ({bad_frames} bad ones){quoted}"
-    return what, f"the baud rate is probably wrong (boards speak {DEFAULT_BAUD}), or another device speaks here"
+        what = f"{bytes_in} bytes came: {frames_in} valid frames, none an identity, and {bad_frames} damaged ones{quoted}"
+        advice = "another device, or other firmware, uses this line"
+    else:
+        what = f"{bytes_in} bytes came that form no frame{quoted}"
+        advice = f"the baud rate is probably wrong (boards use {DEFAULT_BAUD}), or another device uses this line"
+    if _is_text(sample):
+        advice = "that is text: does the firmware print messages on this line, or is this another device?"
+    return what, advice
 
 
 def _is_text(sample: bytes) -> bool:
@@ -159,13 +209,23 @@ def _is_text(sample: bytes) -> bool:
 
 
 def after(ticks: int, other: int) -> bool:
-    """Whether u32 ``ticks`` come after ``other``."""
+    """Whether a tick comes after another, across the wrap.
+
+    :param ticks: a u32 tick count.
+    :param other: another one, less than 1073 s from it.
+    :return: True if ``ticks`` is the later one.
+    """
     return signed_ticks(ticks, other) > 0
 
 
 @cache
 def commands_for(board: Board | None) -> tuple[str, ...]:
-    """Names of the commands an owner may send to a board (None: to any)."""
+    """Names of the commands that an owner may send.
+
+    :param board: the board, or None for those of any board.
+    :return: names in the order of the message table, without ``identify``, ``sync`` and ``keepalive``, which a session sends
+        itself.
+    """
     return tuple(
-        m.name for m in MESSAGES if m.sender == "host" and m.name not in _NOT_COMMANDS and (board is None or board in m.boards)
+        m.name for m in MESSAGES if m.sender == "host" and m.name not in UNNUMBERED and (board is None or board in m.boards)
     )

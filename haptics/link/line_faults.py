@@ -7,6 +7,7 @@ before. Pure: no ports, no clock. Simulated cables play it in virtual time, ``Fa
 from __future__ import annotations
 
 from dataclasses import dataclass
+from difflib import get_close_matches
 from random import Random
 from typing import Any, cast
 
@@ -20,13 +21,20 @@ _PROBABILITIES = ("corrupt", "drop", "lose", "insert", "truncate", "duplicate", 
 
 @dataclass(frozen=True, slots=True)
 class LineFaults:
-    """What a line does. Frame faults are probabilities a frame, 0 to 1; times count from the opening of the port.
+    """What a line does wrong. Probabilities are per frame, 0 to 1; times count from the opening of the port.
 
-    ``corrupt``: one bit of one byte flipped. ``drop``: all of it lost. ``lose``: one byte lost. ``insert``: a random byte more.
-    ``truncate``: its end lost, the delimiter with it. ``duplicate``: it comes twice. ``delay``: it, and all behind it, comes
-    ``delay_ms`` late. ``unplug_s``: from then on reads and writes fail, and bytes on the wire are lost (-1: never).
-    ``stall_s``: from then on the peer takes no bytes (-1: never). ``garbage``: random bytes the board sends when it is
-    powered on. ``dtr_reset``: 1: opening the port resets the board, which is deaf and dumb for a second then.
+    :param corrupt: one bit of one byte is flipped.
+    :param drop: the whole frame is lost.
+    :param lose: one byte is lost.
+    :param insert: a random byte is added.
+    :param truncate: its end is lost, the delimiter with it.
+    :param duplicate: it arrives twice.
+    :param delay: it, and all behind it, arrives ``delay_ms`` late.
+    :param delay_ms: 0 to 10 000 ms.
+    :param unplug_s: from then on reads and writes fail, and bytes on the wire are lost (s; -1: never).
+    :param stall_s: from then on the peer takes no bytes (s; -1: never).
+    :param garbage: random bytes that the board sends when it is powered on, 0 to 65 536.
+    :param dtr_reset: 1: opening the port resets the board, which neither hears nor answers for a second; 0: it does not.
     """
 
     corrupt: float = 0.0
@@ -44,7 +52,7 @@ class LineFaults:
 
     @property
     def ends_the_link(self) -> bool:
-        """Whether no link is meant to outlive these faults."""
+        """Whether these faults end every link."""
         return self.unplug_s >= 0.0 or self.stall_s >= 0.0
 
 
@@ -62,20 +70,26 @@ _COUNTS = {"garbage", "dtr_reset"}
 def parse_faults(text: str) -> LineFaults:
     """Faults of ``key=value,key=value``; empty text is none.
 
+    :param text: such as ``drop=0.01,delay=0.005``; keys and ranges as in ``LineFaults``.
+    :return: the faults.
     :raises InputError: no such fault, one named twice, no number, or one outside its range.
     """
     given: dict[str, Any] = {}
     for pair in filter(None, (piece.strip() for piece in text.split(","))):
         key, found, value = pair.partition("=")
-        if not found or key not in _RANGES:
-            raise InputError(f"faults: {pair!r} is not allowed; allowed: {', '.join(f'{name}=NUMBER' for name in _RANGES)}")
+        if key not in _RANGES:
+            near = get_close_matches(key, _RANGES, n=1)
+            hint = f" (did you mean {near[0]}?)" if near else ""
+            raise InputError(f"faults: unknown key {key!r}{hint}; known keys: {', '.join(_RANGES)}")
+        if not found:
+            raise InputError(f"faults: {key} has no number; expected {key}=NUMBER")
         if key in given:
-            raise InputError(f"faults: {key} is given twice in {text!r}; allowed: once")
+            raise InputError(f"faults: {key} is given twice in {text!r}")
         low, high, unit = _RANGES[key]
         given[key] = in_range(f"faults: {key}", cast(float, value), low, high, unit)
     for key in _COUNTS & set(given):
         if given[key] != int(given[key]):
-            raise InputError(f"faults: {key} = {given[key]:g} is not allowed; allowed: whole numbers")
+            raise InputError(f"faults: {key} = {given[key]:g}; expected a whole number")
         given[key] = int(given[key])
     return LineFaults(**given)
 
@@ -83,6 +97,8 @@ def parse_faults(text: str) -> LineFaults:
 class FrameFaults:
     """Plays the frame faults of one direction. Same faults, seed and frames: same outcome.
 
+    :param faults: which faults, and how likely.
+    :param seed: of the random numbers.
     :param direction: "out" (to the board) or "in"; each has random numbers of its own.
     """
 
@@ -93,7 +109,11 @@ class FrameFaults:
         self._delay_ns = round(faults.delay_ms * NS_PER_MS)
 
     def play(self, frame: bytes) -> list[tuple[int, bytes]]:
-        """What arrives of a frame (its bytes up to and including the delimiter): each piece with how much later, in ns."""
+        """What arrives of a frame.
+
+        :param frame: its bytes up to and including the delimiter.
+        :return: pieces as ``(delay in ns, bytes)``; none if it was dropped.
+        """
         happens = {name for name, probability in self._likely if self._random.random() < probability}
         if not happens:
             return [(0, frame)]
@@ -113,18 +133,26 @@ class FrameFaults:
         return [(delay_ns, bytes(data))] * copies if data else []
 
     def noise(self, count: int) -> bytes:
-        """Random bytes."""
+        """Random bytes.
+
+        :param count: how many.
+        :return: that many bytes.
+        """
         return self._random.randbytes(count)
 
 
 class FrameCutter:
-    """Cuts a stream behind each delimiter; what can no longer be a frame is handed on as it is."""
+    """Cuts a stream behind each delimiter; what has grown too long to be a frame is handed on as it is."""
 
     def __init__(self) -> None:
         self._rest = bytearray()
 
     def cut(self, data: bytes) -> list[bytes]:
-        """Frames completed by ``data``, in order."""
+        """Frames completed by ``data``.
+
+        :param data: the next bytes of the stream.
+        :return: pieces in order, each with its delimiter unless it was too long.
+        """
         *whole, rest = (bytes(self._rest) + data).split(DELIMITER)
         frames = [piece + DELIMITER for piece in whole]
         if len(rest) > LONGEST_FRAME:

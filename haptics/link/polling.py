@@ -18,7 +18,8 @@ POLL_S = 0.5e-3
 class PollingRunner:
     """Serves links whenever it is called.
 
-    :param links: links on open ports. :param clock: a clock that passes by itself.
+    :param links: links on open ports.
+    :param clock: a clock that passes by itself; None: the machine's monotonic one.
     """
 
     def __init__(self, links: Sequence[Link], clock: Clock | None = None):
@@ -26,17 +27,25 @@ class PollingRunner:
         self.clock = clock if clock is not None else MonotonicClock()
 
     def now_ns(self) -> int:
-        """The machine's time."""
+        """The machine's time.
+
+        :return: nanoseconds of the runner's clock.
+        """
         return self.clock.now_ns()
 
     def poll(self) -> None:
-        """Read what has come, do what is due, write what is to be said; waits for nothing."""
+        """Read what has come, do what is due, and write what is to be sent; waits for nothing."""
         for link in self.links:
             if link.error is None:
                 link.service(self.clock.now_ns())
 
     def wait_for(self, condition: Callable[[], bool], timeout_s: float) -> bool:
-        """Poll until ``condition`` holds, at most ``timeout_s``; returns whether it holds."""
+        """Poll until a condition holds.
+
+        :param condition: asked after each poll.
+        :param timeout_s: longest wait (s).
+        :return: whether the condition holds.
+        """
         end_ns = self.now_ns() + seconds_to_ns(timeout_s)
         while True:
             self.poll()

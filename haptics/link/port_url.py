@@ -1,4 +1,4 @@
-"""Port URLs: what ``sim://BOARD?key=value&...`` says of a simulated board, read and completed in one place."""
+"""Port URLs: the options of a simulated board in ``sim://BOARD?key=value&...``, read and completed in one place."""
 
 from __future__ import annotations
 
@@ -12,19 +12,25 @@ _LEGIBLE = ",=:/"
 
 
 def is_simulated(url: str) -> bool:
-    """Whether a port URL names a simulated board or instrument."""
+    """Whether a port URL names a simulated board or instrument.
+
+    :param url: a port as a user gives it.
+    :return: True for ``sim://...``.
+    """
     return url.startswith(_SIMULATED)
 
 
 def query_of(url: str) -> dict[str, str]:
-    """The keys and values of a ``sim://`` URL, as text; none for any other port.
+    """The keys and values of a ``sim://`` URL.
 
+    :param url: a port as a user gives it.
+    :return: values as text by key; empty for any other port.
     :raises InputError: a key given twice.
     """
     query: dict[str, str] = {}
     for key, value in parse_qsl(urlsplit(url).query, keep_blank_values=True) if is_simulated(url) else ():
         if key in query:
-            raise InputError(f"{key} is given twice in {url!r}; allowed: once")
+            raise InputError(f"{key} is given twice in {url!r}")
         query[key] = value
     return query
 
@@ -32,6 +38,9 @@ def query_of(url: str) -> dict[str, str]:
 def with_defaults(url: str, **defaults: object) -> str:
     """A ``sim://`` URL completed with those keys that it does not name; any other URL unchanged.
 
+    :param url: a port as a user gives it.
+    :param defaults: keys and values to add where they are missing.
+    :return: the URL.
     :raises InputError: a key given twice.
     """
     if not is_simulated(url):

@@ -1,4 +1,4 @@
-"""Opening serial ports, real and simulated, and saying plainly why one would not open.
+"""Opening serial ports, real and simulated, and why one did not open.
 
 ``sim://`` works through pyserial: the name of the package that holds the boards is appended to its list of handler packages,
 and nothing of it is imported here.
@@ -13,6 +13,7 @@ import errno
 import os
 import re
 from dataclasses import dataclass
+from difflib import get_close_matches
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Protocol
@@ -36,15 +37,15 @@ SIMULATED = {
     "sim://probe": "simulated high-voltage probe and shunt on one brake output",
 }
 READ_TIMEOUT_S = 0.005
-WRITE_TIMEOUT_S = 0.25  # a peer that takes nothing for so long is gone; boards made themselves safe after 0.1 s
+WRITE_TIMEOUT_S = 0.25  # a peer that takes nothing for this long is gone; boards make themselves safe after 0.1 s
 SCHEMES = ("sim", "socket", "rfc2217", "hwgrep", "loop")
 """Kinds of URL that may be opened. pyserial knows more, some of which write files (``spy``) or load any class (``alt``)."""
-_ALLOWED = (
+_EXPECTED = (
     "sim://tactiles, sim://brake and others (haptics ports lists them), a device (/dev/ttyACM0, COM3), socket://HOST:PORT, "
     "rfc2217://HOST:PORT, hwgrep://TEXT, loop://"
 )
 _MAX_BYTES = 1024
-"""Taken from a port at one go where it does not say how much waits: 20 ms of a line at 500 kbaud."""
+"""Taken from a port at one go where it does not report how much waits: 20 ms of a line at 500 kbaud."""
 
 if BOARDS_PACKAGE not in serial.protocol_handler_packages:
     serial.protocol_handler_packages.append(BOARDS_PACKAGE)
@@ -76,7 +77,13 @@ class BytePort(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class PortInfo:
-    """A port that could be opened. ``serial_number`` names a USB device for good; paths change."""
+    """A port that could be opened.
+
+    :param url: what ``open_port`` takes.
+    :param description: what the operating system calls it.
+    :param serial_number: identifies a USB device for good, while paths change; None if it has none.
+    :param simulated: whether the board behind it is simulated.
+    """
 
     url: str
     description: str
@@ -85,7 +92,10 @@ class PortInfo:
 
 
 def list_ports() -> list[PortInfo]:
-    """Serial ports of this machine, then the simulated boards."""
+    """Serial ports of this machine, then the simulated boards.
+
+    :return: real ports sorted by path, simulated ones behind them.
+    """
     real = sorted(_serial_ports.comports(), key=lambda port: port.device)
     return [
         *(PortInfo(port.device, port.description or "", port.serial_number) for port in real),
@@ -96,18 +106,20 @@ def list_ports() -> list[PortInfo]:
 def check_port(url: object, name: str = "port") -> str:
     """``url`` if it names a port of a kind that may be opened. Opens nothing, so that a list can be checked before its first.
 
-    :param name: what the caller calls it.
-    :raises InputError: no text, empty, or a URL of another kind; the message lists what is allowed.
+    :param url: a path or a URL.
+    :param name: what the caller calls it, for the message.
+    :return: ``url``, unchanged.
+    :raises InputError: no text, empty, or a URL of another kind; the message lists the kinds.
     """
     if not isinstance(url, str) or not url.strip() or not url.isprintable():
-        raise InputError(f"{name} = {brief(url)} is not allowed; allowed: {_ALLOWED}")
+        raise InputError(f"{name} = {brief(url)} is not a port; expected {_EXPECTED}")
     scheme, found, rest = url.partition("://")
     if found and scheme not in SCHEMES:
-        raise InputError(f"{name} = {brief(url)} is of a kind that is not opened ({brief(scheme)[1:-1]}://); allowed: {_ALLOWED}")
+        raise InputError(f"{name} = {brief(url)} has the unknown kind {brief(scheme)[1:-1]}://; expected {_EXPECTED}")
     if scheme in ("socket", "rfc2217") and found and not _names_a_host(url):
-        raise InputError(f"{name} = {brief(url)} is not allowed; expected {scheme}://HOST:PORT, with a port from 1 to 65535")
+        raise InputError(f"{name} = {brief(url)} has no host or port; expected {scheme}://HOST:PORT, with a port from 1 to 65535")
     if scheme == "hwgrep" and found and not rest.strip():
-        raise InputError(f"{name} = {url!r} fits any port; expected hwgrep://TEXT, such as a USB serial number")
+        raise InputError(f"{name} = {url!r} would match any port; expected hwgrep://TEXT, such as a USB serial number")
     return url
 
 
@@ -122,10 +134,13 @@ def _names_a_host(url: str) -> bool:
 def open_port(url: str, baud: int = DEFAULT_BAUD) -> BytePort:
     """Open a port, exclusively if it is a device, with the short time-outs the runners need.
 
+    :param url: a path or a URL, see ``check_port``.
+    :param baud: speed of the line; boards use 500 000.
+    :return: the open port.
     :raises InputError: see ``check_port``; or what the kind of port cannot use.
     :raises PortMissing: no such port.
     :raises PortBusy: open elsewhere; the message names the process where that can be found out.
-    :raises LinkLost: the operating system would not open it, for instance for want of permission.
+    :raises LinkLost: the operating system would not open it, for instance for lack of permission.
     """
     check_port(url)
     settings: dict[str, Any] = {"baudrate": baud, "timeout": READ_TIMEOUT_S, "write_timeout": WRITE_TIMEOUT_S}
@@ -139,8 +154,8 @@ def open_port(url: str, baud: int = DEFAULT_BAUD) -> BytePort:
     except (ValueError, KeyError, re.error) as error:  # the latter two: pyserial's own slips on loop://?x and hwgrep://(
         if "not known" in str(error):
             missing = f" (is the package {BOARDS_PACKAGE} installed?)" if url.lower().startswith("sim:") else ""
-            raise InputError(f"port = {url!r} is of a kind nobody handles{missing}; allowed: {_ALLOWED}") from error
-        raise InputError(f"port = {url!r}, baud = {baud!r}: {error}; allowed: {_ALLOWED}") from error
+            raise InputError(f"port = {url!r} has a kind that no handler opens{missing}; expected {_EXPECTED}") from error
+        raise InputError(f"port = {url!r}, baud = {baud!r}: {error}; expected {_EXPECTED}") from error
     except _port_errors as error:
         raise _why_not_opened(url, error) from error
 
@@ -148,9 +163,11 @@ def open_port(url: str, baud: int = DEFAULT_BAUD) -> BytePort:
 def read_waiting(port: BytePort) -> bytes:
     """What has come; waits for nothing.
 
-    ``in_waiting`` says that something is there, not always how much: pyserial's ``socket://`` answers 0 or 1. Where it says 1, it
-    is read and asked again until nothing waits, or a kilobyte has come: a peer that never pauses does not keep its reader.
+    ``in_waiting`` shows that something is there, not always how much: pyserial's ``socket://`` answers 0 or 1. Where it answers
+    1, it is read and asked again until nothing waits, or a kilobyte has come: a peer that never pauses does not keep its reader.
 
+    :param port: an open port.
+    :return: the bytes; empty if none wait.
     :raises OSError: as the port does; see ``PortErrors``.
     """
     count = port.in_waiting
@@ -164,7 +181,11 @@ def read_waiting(port: BytePort) -> bytes:
 
 
 class PortErrors:
-    """A context that turns whatever an open port raises into one ``LinkLost``. Holds no state, so one may be entered again."""
+    """A context that turns whatever an open port raises into one ``LinkLost``. Holds no state, so one may be entered again.
+
+    :param url: name of the port, for the message.
+    :param doing: what is being done to it: read, write, close.
+    """
 
     def __init__(self, url: str, doing: str):
         self._url, self._doing = url, doing
@@ -183,10 +204,10 @@ class PortErrors:
 def _why_not_opened(url: str, error: Exception) -> LinkError:
     number = getattr(error, "errno", None)
     if "expected a string in the form" in str(error):  # pyserial, on options of rfc2217:// and hwgrep:// that it does not know
-        raise InputError(f"port = {url!r}: {error}; allowed: {_ALLOWED}") from error
+        raise InputError(f"port = {url!r}: {error}; expected {_EXPECTED}") from error
     if "://" not in url and (number == errno.EISDIR or "Could not configure port" in str(error)):
-        what = "a folder" if Path(url).is_dir() else "there, but no serial port"
-        return PortMissing(url, f"is {what} ({error})", "open", _there_are())
+        what = "a folder" if Path(url).is_dir() else "not a serial port"
+        return PortMissing(url, f"is {what}", "open", _there_are(url))
     if number in (errno.EBUSY, errno.EAGAIN) or "access is denied" in str(error).lower():
         return PortBusy(url, f"port already open {_holders(url)}", "open", "close it there first")
     if number in (errno.EACCES, errno.EPERM):
@@ -194,16 +215,20 @@ def _why_not_opened(url: str, error: Exception) -> LinkError:
             url, "permission denied", "open", "on Linux, add yourself to the group that owns the device (dialout, uucp)"
         )
     if number in (None, errno.ENOENT, errno.ENODEV, errno.ENXIO, errno.ENOTDIR, errno.ECONNREFUSED):
-        return PortMissing(url, f"no such port ({error})", "open", _there_are())
+        why = "" if number == errno.ENOENT else f" ({error})"
+        return PortMissing(url, f"no such port{why}", "open", _there_are(url))
     return LinkLost(url, f"cannot be opened ({error})", "open")
 
 
-def _there_are() -> str:
-    return f"there are: {', '.join(port.url for port in list_ports())}"
+def _there_are(url: str) -> str:
+    """What can be opened instead: the port of the nearest name, then all."""
+    found = [port.url for port in list_ports()]
+    near = get_close_matches(url, found, n=1, cutoff=0.8)
+    return f"{f'did you mean {near[0]}? ' if near else ''}ports found: {', '.join(found)}"
 
 
 def _holders(url: str) -> str:
-    """Who has a device open, as far as /proc tells (Linux; other users' processes stay hidden)."""
+    """Who has a device open, as far as /proc shows (Linux; other users' processes stay hidden)."""
     if "://" in url:
         return "in this program"
     target = os.path.realpath(url)
@@ -212,7 +237,7 @@ def _holders(url: str) -> str:
         try:
             if any(os.path.realpath(link) == target for link in (process / "fd").iterdir()):
                 name = (process / "comm").read_text().strip()
-                found.append(f"{name}, pid {process.name}" + (", this very program" if int(process.name) == os.getpid() else ""))
+                found.append(f"{name}, pid {process.name}" + (", this program" if int(process.name) == os.getpid() else ""))
         except OSError:
             continue
     return f"by {'; '.join(found)}" if found else "elsewhere"

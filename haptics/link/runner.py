@@ -10,7 +10,7 @@ from haptics.errors import InputError, LinkError, LinkLost, ReplyTimeout
 from haptics.link.commands import NEVER_NS, Pending
 from haptics.link.connection import Link
 from haptics.link.ports import open_port
-from haptics.link.session import Phase
+from haptics.link.state import Phase
 from haptics.time import NS_PER_MS, NS_PER_S, Clock, MonotonicClock, VirtualClock, seconds_to_ns
 
 _BACKOFF_NS = (250 * NS_PER_MS, 500 * NS_PER_MS, NS_PER_S, 2 * NS_PER_S, 4 * NS_PER_S)
@@ -20,11 +20,25 @@ class Runner(Protocol):
     """Drives some links and lets time pass."""
 
     @property
-    def links(self) -> Sequence[Link]: ...
+    def links(self) -> Sequence[Link]:
+        """The links it drives."""
+        ...
 
-    def now_ns(self) -> int: ...
+    def now_ns(self) -> int:
+        """Time of the runner's clock.
 
-    def wait_for(self, condition: Callable[[], bool], timeout_s: float) -> bool: ...
+        :return: nanoseconds.
+        """
+        ...
+
+    def wait_for(self, condition: Callable[[], bool], timeout_s: float) -> bool:
+        """Let time pass until a condition holds.
+
+        :param condition: asked each time something happened.
+        :param timeout_s: longest wait (s of the runner's clock).
+        :return: whether the condition holds.
+        """
+        ...
 
 
 class VirtualRunner:
@@ -39,18 +53,20 @@ class VirtualRunner:
         self.links = list(links)
         for link in self.links:
             if link.simulated is None:
-                raise InputError(
-                    f"port = {link.name!r} is real and keeps its own time; allowed: simulated ports with clock=virtual"
-                )
+                raise InputError(f"port = {link.name!r} cannot run in virtual time; expected a simulated port with clock=virtual")
         self.clock = clock if clock is not None else VirtualClock()
 
     def now_ns(self) -> int:
-        """The virtual time."""
+        """The virtual time.
+
+        :return: nanoseconds.
+        """
         return self.clock.now_ns()
 
     def run_until(self, t_ns: int) -> None:
         """Carry links and boards to ``t_ns``: each event in its turn, then ``t_ns`` itself.
 
+        :param t_ns: virtual time (ns).
         :raises InputError: ``t_ns`` lies in the past.
         """
         while (event_ns := min(due_ns := self._due_ns(), default=NEVER_NS)) <= t_ns:
@@ -69,7 +85,12 @@ class VirtualRunner:
         return [max(link.next_event_ns, soonest_ns) for link in self.links]
 
     def wait_for(self, condition: Callable[[], bool], timeout_s: float) -> bool:
-        """Run from event to event until ``condition`` holds or virtual time is up; returns whether it holds."""
+        """Run from event to event until a condition holds or virtual time is up.
+
+        :param condition: asked after each event.
+        :param timeout_s: longest wait (s of virtual time).
+        :return: whether the condition holds.
+        """
         end_ns = self.now_ns() + seconds_to_ns(timeout_s)
         while not condition():
             if self.now_ns() >= end_ns:
@@ -82,7 +103,7 @@ class RealtimeRunner:
     """A thread for each link that reads with a short time-out and does what is due. Use as a context manager.
 
     :param links: links on open ports.
-    :param clock: a clock that passes by itself.
+    :param clock: a clock that passes by itself; None: the machine's monotonic one.
     :param reopen: open a lost port again, after 0.25 s, then 0.5, 1, 2 and 4 s, and go through the handshake. Never arms.
     """
 
@@ -103,11 +124,19 @@ class RealtimeRunner:
         self.close()
 
     def now_ns(self) -> int:
-        """The machine's time."""
+        """The machine's time.
+
+        :return: nanoseconds.
+        """
         return self.clock.now_ns()
 
     def wait_for(self, condition: Callable[[], bool], timeout_s: float) -> bool:
-        """Wait until ``condition`` holds, at most ``timeout_s``; returns whether it holds."""
+        """Wait until a condition holds.
+
+        :param condition: asked after each read of any link.
+        :param timeout_s: longest wait (s).
+        :return: whether the condition holds.
+        """
         with self._changed:
             return self._changed.wait_for(condition, timeout_s)
 
@@ -126,7 +155,7 @@ class RealtimeRunner:
                 link.take(data, self.now_ns())
             except LinkLost as error:
                 link.lose(error, self.now_ns())
-            except Exception as error:  # a tap that raised, say: say so, then let the thread's error be seen
+            except Exception as error:  # from a tap, for example: report it as the link's end, then let the thread fail
                 link.lose(LinkLost(link.name, f"its reader stopped: {error!r}"), self.now_ns())
                 raise
             with self._changed:
@@ -151,10 +180,13 @@ class RealtimeRunner:
 
 
 def connect(runner: Runner, links: Sequence[Link] | None = None, timeout_s: float = 10.0) -> list[Any]:
-    """Start links and run until all are ready; returns their identities. Arms nothing.
+    """Start links and run until all are ready. Arms nothing.
 
-    :param links: the runner's links if None.
-    :raises NotABoard: nobody said who they are; the message says what was seen instead, and what that suggests.
+    :param runner: what drives the links.
+    :param links: those to start; None: all of the runner's.
+    :param timeout_s: longest wait (s of the runner's clock).
+    :return: their identities, in the order of the links.
+    :raises NotABoard: no board answered; the message names what came instead, and what that suggests.
     :raises WrongFirmware: another protocol, message table or kind of board.
     :raises LinkError: the port went away, or configuring was refused.
     """
@@ -170,16 +202,21 @@ def connect(runner: Runner, links: Sequence[Link] | None = None, timeout_s: floa
         if not link.ready:
             count = link.session.counters
             seen = (
-                f"still {link.session.phase.value} after {timeout_s:g} s; {count.bytes_in} bytes came, {count.frames_in} whole "
+                f"still {link.session.phase.value} after {timeout_s:g} s; {count.bytes_in} bytes came: {count.frames_in} valid "
             )
-            seen += f"frames and {count.bad_frames} bad ones; {count.syncs_missed} questions for its clock went unanswered"
-            raise ReplyTimeout(link.name, seen, "connect", "is the line slower than its baud rate says?")
+            seen += f"frames and {count.bad_frames} damaged ones; {count.syncs_missed} clock exchanges went unanswered"
+            raise ReplyTimeout(link.name, seen, "connect", "is the line slower than its baud rate?")
     return [link.identity for link in chosen]
 
 
 def finish(runner: Runner, pending: Pending, timeout_s: float = 1.0, port: str = "") -> Pending:
-    """Run until a command has an outcome; returns it if the board said ok.
+    """Run until a command has an outcome.
 
+    :param runner: what drives its link.
+    :param pending: the command.
+    :param timeout_s: longest wait (s of the runner's clock).
+    :param port: name of the port, for the error of a command that is still open.
+    :return: the command, if the board answered ok.
     :raises LinkError: see ``Pending.result``.
     """
     runner.wait_for(lambda: pending.done, timeout_s)

@@ -16,22 +16,39 @@ class SimulatedPort(Protocol):
     """
 
     def advance(self, to_ns: int) -> None:
-        """Carry the whole world (every board in it) to ``to_ns``; refuses to go back."""
+        """Carry the whole world (every board in it) to ``to_ns``; refuses to go back.
+
+        :param to_ns: time of the world (ns), not before where it is.
+        """
         ...
 
     def next_event(self) -> int | None:
-        """Time of the next thing that happens by itself (a byte arriving, a pulse ending), or None."""
+        """Time of the next thing that happens by itself (a byte arriving, a pulse ending).
+
+        :return: time of the world (ns), or None if nothing is due.
+        """
         ...
 
     def truth(self) -> dict[str, Any]:
-        """The plant as it is now. Keys depend on the board; see ``firmware_models``."""
+        """The plant as it is now.
+
+        :return: quantities by name; the names depend on the board, see ``firmware_models``.
+        """
         ...
 
     def set_load(self, channel: int, **load: float) -> None:
-        """Act on the plant from outside: a skin under a pin, a finger pulling a brake."""
+        """Act on the plant from outside: a skin under a pin, a finger pulling a brake.
+
+        :param channel: output, from 0.
+        :param load: quantities by name, their units in the names; which there are depends on the board.
+        """
         ...
 
 
 def simulated(port: object) -> SimulatedPort | None:
-    """``port`` as a simulated one, or None if it is real."""
+    """``port`` as a simulated one.
+
+    :param port: any open port.
+    :return: the same port, or None if it is real.
+    """
     return port if isinstance(port, SimulatedPort) else None

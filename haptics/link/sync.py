@@ -11,7 +11,7 @@ from haptics.link.messages import BY_NAME, TICK_HZ, encode, payload_size
 from haptics.link.settings import LinkCounters, LinkSettings
 from haptics.time import NS_PER_MS, NS_PER_S
 
-UNMEASURED = "the board's clock was not measured yet"
+UNMEASURED = "the board's clock has not been measured yet"
 _SHORTEST = 0.97  # of a byte's time at the nominal baud: no receiver follows a sender that is faster yet
 _SYNC = BY_NAME["sync"].type
 _GOLDEN = 0.6180339887498949
@@ -24,9 +24,13 @@ _ASKED, _ANSWERED = (payload_size(name) + FRAMING_BYTES for name in ("sync", "sy
 class ClockExchanges:
     """The sequence of ``sync`` and ``sync_reply`` with one boot of one board.
 
-    :param baud: of the line, 0 if nobody knows. Question and answer differ in length, so that their middle is not the middle of
+    ``model`` is what was learnt, ``due_ns`` when the next question is due, ``missed`` how many in a row went unanswered.
+
+    :param settings: how often to ask, and what errors are accepted.
+    :param counters: the session's; missed and contradicting exchanges are counted there.
+    :param baud: of the line, 0 if unknown. Question and answer differ in length, so that their middle is not the middle of
         the exchange; what each takes at least on the line is known, and is cut off the interval. A line that is quicker than its
-        baud (a USB device without any serial line behind it) is found out by its first exchange, and then believed no more.
+        baud (a USB device without any serial line behind it) is detected by its first exchange, and the baud is then ignored.
     """
 
     def __init__(self, settings: LinkSettings, counters: LinkCounters, baud: int = 0):
@@ -49,22 +53,27 @@ class ClockExchanges:
         return ClockModel(self._settings.rate_tolerance, self._settings.drift, self._settings.jitter_s)
 
     def uncertain(self, host_ns: int, exact: bool = False) -> str | None:
-        """Why nothing may be scheduled at ``host_ns``, or None. ``exact``: by a clock that one may measure by."""
+        """Why nothing may be scheduled at a time.
+
+        :param host_ns: host time (ns).
+        :param exact: hold the clock to ``exact_error_s``, by which a bench may measure, in place of ``max_error_s``.
+        :return: the reason in words, or None if the clock is known well enough.
+        """
         fit, settings = self.model.fit, self._settings
         if fit is None:
             return UNMEASURED
         if (age_s := fit.age_s(host_ns)) > settings.max_age_s:
-            return f"the board's clock was measured {age_s:.2f} s from that time; allowed: {settings.max_age_s:g} s"
+            return f"the board's clock was last measured {age_s:.2f} s from that time; limit {settings.max_age_s:g} s"
         allowed_s = settings.exact_error_s if exact else settings.max_error_s
         if (bound_s := fit.error_bound_s(host_ns)) > allowed_s:
             self._counters.clock_refusals += 1
             self._counters.clock_refused_ms = max(self._counters.clock_refused_ms, bound_s * 1e3)
-            return f"the board's clock is known within {bound_s * 1e3:.2f} ms; allowed: {allowed_s * 1e3:g} ms"
+            return f"the board's clock is known within {bound_s * 1e3:.2f} ms; limit {allowed_s * 1e3:g} ms"
         return None
 
     @property
     def shift_ns(self) -> int:
-        """How much later than asked for commands are scheduled now, because the clock is known only coarsely."""
+        """How much later than asked for commands are scheduled now (ns), because the clock is known only coarsely."""
         return self._shift_ns
 
     def shifted_ns(self, host_ns: int) -> int:
@@ -72,6 +81,9 @@ class ClockExchanges:
 
         A board whose clock is ahead by that still gets the command in time, and what plays is late by at most twice as much. The
         shift grows at once, and shrinks only after a tenth of a second without commands: they keep their order and never overlap.
+
+        :param host_ns: host time (ns) asked for.
+        :return: host time (ns) to schedule at.
         """
         if self._shift_wanted_ns > self._shift_ns or host_ns - self._scheduled_ns > _QUIET_NS:
             self._shift_ns = self._shift_wanted_ns
@@ -85,16 +97,23 @@ class ClockExchanges:
 
     @property
     def reply_timeout_ns(self) -> int:
-        """How long to wait for the answer to a command: on a line that holds answers back, longer than the longest took."""
+        """How long to wait for the answer to a command (ns): on a line that holds answers back, longer than the longest took."""
         return max(self._settings.reply_timeout_ns, self._longest_ns + self._longest_ns // 4)
 
     def begin(self, now_ns: int) -> None:
-        """Ask often for a while; what was learnt stays."""
+        """Ask often for a while; what was learnt stays.
+
+        :param now_ns: host time now (ns).
+        """
         self._left, self._gap_ns = self._settings.sync_exchanges, self._settings.sync_first_gap_ns
         self.missed, self._sent_ns, self.due_ns, self._longest_ns = 0, None, now_ns, 0
 
     def frame(self, now_ns: int) -> bytes:
-        """The next question. One still open is given up and counted as missed."""
+        """The next question. One still open is given up and counted as missed.
+
+        :param now_ns: host time now (ns), at which it is sent.
+        :return: wire bytes.
+        """
         if self._sent_ns is not None:
             self.missed += 1
             self._counters.syncs_missed += 1
@@ -104,7 +123,14 @@ class ClockExchanges:
         return encode_frame(_SYNC, 0, encode("sync", self._token))
 
     def answer(self, token: int, received: int, sent: int, now_ns: int) -> bool | None:
-        """Take a reply: True if it fits, False if it contradicts what was known, None if nobody waits for it."""
+        """Take a reply.
+
+        :param token: as in the question.
+        :param received: board ticks (u32) when the question had arrived.
+        :param sent: board ticks (u32) when the answer went out.
+        :param now_ns: host time (ns) at which it was read.
+        :return: True if it fits, False if it contradicts what was known, None if no question with this token is open.
+        """
         if self._sent_ns is None or token != self._token:
             self._counters.stray_replies += 1
             return None

@@ -36,7 +36,13 @@ OK, FAILED, NOT_APPLICABLE = "ok", "failed", "not applicable"
 
 @dataclass(frozen=True, slots=True)
 class Result:
-    """What came of a rule. ``result``: ok, failed or not applicable."""
+    """Outcome of one rule.
+
+    :param id: of the rule, such as ``pulse.late``.
+    :param title: of the rule.
+    :param result: ``ok``, ``failed`` or ``not applicable``.
+    :param seen: what was observed, or why the rule does not apply.
+    """
 
     id: str
     title: str
@@ -46,14 +52,23 @@ class Result:
 
 @dataclass(frozen=True, slots=True)
 class Conformance:
-    """What came of all rules on one board. ``identity``: of the board, as a mapping."""
+    """Outcome of all rules on one board.
+
+    :param port: its URL or path.
+    :param identity: fields of its ``identity`` message, ids in hexadecimal.
+    :param rules: results in the order of the rules.
+    """
 
     port: str
     identity: dict[str, Any]
     rules: list[Result] = field(default_factory=list[Result])
 
     def count(self, result: str) -> int:
-        """How many rules came out so."""
+        """Number of rules with this outcome.
+
+        :param result: ``ok``, ``failed`` or ``not applicable``.
+        :return: how many.
+        """
         return sum(one.result == result for one in self.rules)
 
 
@@ -67,8 +82,12 @@ def try_board(
 ) -> Conformance:
     """Try every rule on the board behind a port.
 
+    :param url: a port. A simulated board runs in virtual time unless its URL names another clock.
+    :param rules: which rules; all if not given.
     :param arms: rules that arm may be tried on hardware; on a simulated board they always are.
+    :param baud: speed of a serial line.
     :param progress: called with each rule's title before it is tried.
+    :return: what came of each rule.
     :raises InputError, LinkError: the port cannot be opened, or no board answers there.
     """
     simulated = is_simulated(url)
@@ -107,6 +126,10 @@ def _in_words(identity: Any) -> dict[str, Any]:
 def try_rule(url: str, rule: Rule, baud: int = DEFAULT_BAUD) -> Result:
     """Try one rule on a simulated board, opened for it.
 
+    :param url: a ``sim://`` URL.
+    :param rule: the rule.
+    :param baud: speed of the simulated line.
+    :return: what came of it.
     :raises InputError, LinkError: the port cannot be opened, or no board answers there.
     """
     host = _open(url, rule.query, baud)
@@ -123,7 +146,7 @@ def _open(url: str, query: tuple[str, ...], baud: int) -> RawHost:
 
 
 def _with_query(url: str, query: tuple[str, ...]) -> str:
-    """A simulated port with a virtual clock and what a rule asks for, unless the URL says otherwise; others as they are."""
+    """A simulated port with a virtual clock and what a rule asks for, unless the URL names those keys; others as they are."""
     wanted = {"clock": "virtual", **dict(pair.split("=", 1) for pair in query)}
     if query_of(url).get("core") == "avr":  # its clock begins where it does
         wanted.pop("tick_offset", None)
@@ -136,7 +159,7 @@ def _out_of_question(rule: Rule, host: RawHost, may_arm: bool) -> str | None:
     if rule.simulated and host.simulated is None:
         return "only a simulated board in virtual time shows this"
     if rule.arms and not may_arm:
-        return "arms the board; ask for it"
+        return "arms the board, which was not asked for"
     return None
 
 

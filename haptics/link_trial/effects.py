@@ -21,12 +21,18 @@ TOO_LONG_NS = 200 * NS_PER_US
 ATmega plays each up to 60 us behind the one before, and three coils may be on.
 """
 KEPT_NS = 2 * NS_PER_S
-"""A command is held against what happens for so long after its time."""
+"""How long after its time a command is compared with what happens."""
 
 
 @dataclass(slots=True)
 class Expected:
-    """One output of one command: it goes on at ``due_ns``, off at ``off_ns``."""
+    """One output of one command.
+
+    :param due_ns: when it goes on (world ns).
+    :param off_ns: when it goes off (world ns).
+    :param drive: 1, or -1 where a coil is driven back.
+    :param plays: how often it went on.
+    """
 
     due_ns: int
     off_ns: int
@@ -36,13 +42,18 @@ class Expected:
 
 @dataclass(slots=True)
 class Effects:
-    """Edges so far, sorted. Times are world nanoseconds, of the board's own clock where it was told ticks.
+    """Edges so far, sorted by what was wrong with them. Times are nanoseconds of the simulated world, on the board's own clock.
 
-    ``duplicates``: put on once more by a command that had been played. ``late``, ``early``: more than 100 us beside its time.
-    ``uncommanded``: by no command. ``reversed``: with the wrong sign. ``too_long``: off more than 200 us after its time.
-    ``errors_ns``: of each punctual start, edge less due time. ``cut_ns``: when a coil or piezo went off more than 200 us before
-    its time, which a board does where it makes itself safe; a drive may be replaced.
-    ``listening``: whether a brake's edges count; those of its self test do not.
+    :param duplicates: put on once more by a command that had been played.
+    :param late: more than 100 us after their time.
+    :param early: more than 100 us before it.
+    :param uncommanded: by no command.
+    :param reversed: with the wrong sign.
+    :param too_long: off more than 200 us after their time.
+    :param errors_ns: of each punctual start, edge less due time (ns).
+    :param cut_ns: when a coil or piezo went off more than 200 us before its time, which a board does where it makes itself safe;
+        a drive may be replaced.
+    :param listening: whether a brake's edges count; those of its self test do not.
     """
 
     duplicates: int = 0
@@ -58,7 +69,12 @@ class Effects:
     _on: dict[tuple[str, int], Expected] = field(default_factory=dict[tuple[str, int], Expected])
 
     def expect(self, command: Command, due_ns: int) -> list[Expected]:
-        """A command was sent whose tick is at ``due_ns`` on the board's clock."""
+        """Note a command that was sent.
+
+        :param command: the command.
+        :param due_ns: when its tick is, on the board's clock (world ns).
+        :return: one entry for each output it puts on.
+        """
         added: list[Expected] = []
         for one in command.outputs:
             entries = self._expected.setdefault((one.kind, one.channel), [])
@@ -70,7 +86,13 @@ class Effects:
         return added
 
     def switched(self, time_ns: int, kind: str, channel: int, drive: int) -> None:
-        """An output went on or off."""
+        """Note an output that went on or off.
+
+        :param time_ns: when (world ns).
+        :param kind: coil, brake or piezo.
+        :param channel: from 0.
+        :param drive: 1 on, -1 on with the other sign, 0 off.
+        """
         if kind == "brake" and not self.listening:
             return
         was_on = self._on.pop((kind, channel), None)

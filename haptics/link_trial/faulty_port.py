@@ -19,7 +19,7 @@ from haptics.link.ports import BytePort, read_waiting
 from haptics.time import seconds_to_ns
 
 
-class _Way:
+class _Direction:
     """One direction: frames in, and bytes out when their time has come, in order."""
 
     def __init__(self, faults: FrameFaults):
@@ -46,16 +46,21 @@ class _Way:
 class FaultyPort:
     """A pyserial-like port around another.
 
-    :param port: an open port; closed with this one. :param clock_ns: what time it is; the times of ``faults`` count from now.
+    :param port: an open port; closed with this one.
+    :param faults: what goes wrong, in either direction.
+    :param seed: of the random numbers.
+    :param clock_ns: the time now (ns); the times of ``faults`` count from when this port is made.
     :raises InputError: ``dtr_reset``: whether opening resets a board is up to the board.
     """
 
     def __init__(self, port: BytePort, faults: LineFaults, seed: int, clock_ns: Callable[[], int] = time.monotonic_ns):
         if faults.dtr_reset:
-            raise InputError("faults: dtr_reset = 1 is not allowed on a port that is open already; allowed: in a sim:// URL")
+            raise InputError(
+                "faults: dtr_reset = 1 acts when a port is opened, and this one is open; put it into the faults of a sim:// URL"
+            )
         self._port, self._clock_ns = port, clock_ns
         self._cutter = FrameCutter()
-        self._out, self._in = _Way(FrameFaults(faults, seed, "out")), _Way(FrameFaults(faults, seed, "in"))
+        self._out, self._in = _Direction(FrameFaults(faults, seed, "out")), _Direction(FrameFaults(faults, seed, "in"))
         self._arrived = bytearray()
         opened_ns = clock_ns()
         self._unplugged_ns = opened_ns + seconds_to_ns(faults.unplug_s) if faults.unplug_s >= 0.0 else None
@@ -79,8 +84,10 @@ class FaultyPort:
         return len(self._arrived)
 
     def read(self, size: int = 1, /) -> bytes:
-        """Up to ``size`` bytes; waits at most as long as the port within does.
+        """Bytes that have arrived; waits at most as long as the port within does.
 
+        :param size: how many at most.
+        :return: 0 to ``size`` bytes.
         :raises SerialException: the faults have unplugged it.
         """
         if self.in_waiting < size:
@@ -93,8 +100,10 @@ class FaultyPort:
     def write(self, data: bytes, /) -> int:
         """Hand bytes to the line.
 
+        :param data: the bytes.
+        :return: how many were taken: all of them.
         :raises SerialException: the faults have unplugged it, the first time in the middle of ``data``.
-        :raises SerialTimeoutException: they let the peer take no more bytes.
+        :raises SerialTimeoutException: the faults let the peer take no more bytes.
         """
         now_ns = self._clock_ns()
         if self._unplugged_ns is not None and now_ns >= self._unplugged_ns and self._port.is_open:
@@ -115,14 +124,14 @@ class FaultyPort:
 
     def _check_plugged(self) -> None:
         if self._unplugged_ns is not None and self._clock_ns() >= self._unplugged_ns:
-            raise SerialException(errno.EIO, "unplugged, as its faults say")
+            raise SerialException(errno.EIO, "unplugged by its faults (unplug_s)")
 
     def _receive(self, data: bytes) -> None:
         for frame in self._cutter.cut(data):
             self._in.put(frame, self._clock_ns())
 
     def _move(self) -> None:
-        """What is due, both ways."""
+        """Pass on what is due, in both directions."""
         now_ns = self._clock_ns()
         going = self._out.take(now_ns)
         if going:

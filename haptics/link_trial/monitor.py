@@ -27,7 +27,20 @@ _SKEW_S = 0.7  # a rate takes exchanges that lie apart
 
 @dataclass(frozen=True, slots=True)
 class Who:
-    """A board that said who it is, and how its clock runs."""
+    """A board that was identified, and how its clock runs.
+
+    :param port: its URL or path.
+    :param board: ``tactiles`` or ``brake``.
+    :param build: the firmware's name for itself.
+    :param protocol: version of the protocol.
+    :param boot_id: eight hexadecimal digits; another one after each boot.
+    :param channels: outputs it has.
+    :param dead_man_ms: silence after which it makes itself safe (ms).
+    :param limits: as in its ``identity``; their units depend on the board.
+    :param clock_skew_ppm: how much faster than nominal its clock runs (ppm); NaN if not measured.
+    :param clock_error_bound_us: how well its clock is known now (µs); NaN if not measured.
+    :param line: whether commands can be scheduled over the line, in words.
+    """
 
     port: str
     board: str
@@ -44,11 +57,31 @@ class Who:
 
 @dataclass(frozen=True, slots=True)
 class Look:
-    """How a link is now. Counts are since the watch began; ``late_commands`` is the board's own, since its boot.
+    """How a link is now. Counts are since the watch began, unless they are the board's own.
 
-    ``min_lead_ms``: a timed command is sure to be early enough if it is sent so long before its time: twice the clock's error
-    bound (no exchange took longer on its way than that) and what the longest command takes on the line. What a program plans
-    ahead beyond it is its margin.
+    :param port: its URL or path.
+    :param board: ``tactiles`` or ``brake``.
+    :param build: the firmware's name for itself.
+    :param boot_id: eight hexadecimal digits.
+    :param elapsed_s: time since the watch began (s).
+    :param state: the board's state, ``unknown`` before its first telemetry, ``lost`` once the link ended.
+    :param faults: names of the faults latched now.
+    :param clock_error_bound_us: how well the board's clock is known now (µs); NaN if not measured.
+    :param clock_skew_ppm: how much faster than nominal its clock runs (ppm); NaN if not measured.
+    :param min_lead_ms: a timed command is sure to be early enough if it is sent this long before its time (ms): twice the clock's
+        error bound (no exchange took longer on its way than that) and what the longest command takes on the line. What a program
+        plans ahead beyond it is its margin.
+    :param telemetry: messages received.
+    :param telemetry_missed: messages missing from the 20 ms grid.
+    :param telemetry_hz: messages received each second.
+    :param telemetry_share: share of the line that telemetry takes, 0 to 1.
+    :param uplink_share: share of the line that all bytes from the board take, 0 to 1.
+    :param late_commands: commands that came too late, counted by the board since its boot.
+    :param board_bad_frames: frames the board could not read, counted since its boot.
+    :param line: whether commands can be scheduled over the line, in words.
+    :param counters: the session's, since the link was started.
+    :param notes: faults and reboots, in words, in their order.
+    :param error: why the link ended, or None.
     """
 
     port: str
@@ -75,8 +108,11 @@ class Look:
 
 
 def open_link(url: str, baud: int = DEFAULT_BAUD) -> tuple[RealtimeRunner | VirtualRunner, Link]:
-    """A link on a port, and what drives it: virtual time where the URL says so.
+    """A link on a port, and what drives it: virtual time where the URL asks for that.
 
+    :param url: a port.
+    :param baud: speed of a serial line.
+    :return: the runner and the link, not started yet.
     :raises InputError, LinkError: see ``open_port``.
     """
     port = open_port(url, baud)
@@ -87,9 +123,12 @@ def open_link(url: str, baud: int = DEFAULT_BAUD) -> tuple[RealtimeRunner | Virt
 
 
 def identify(url: str, baud: int = DEFAULT_BAUD) -> Who:
-    """Who is behind a port.
+    """Which board is behind a port.
 
-    :raises InputError, LinkError: nobody, or another one than a board; the message says what was seen and what to do.
+    :param url: a port.
+    :param baud: speed of a serial line.
+    :return: the board; it takes a second to measure its clock.
+    :raises InputError, LinkError: no board answers; the message names what came instead and what to do.
     """
     runner, link = open_link(url, baud)
     try:
@@ -101,7 +140,11 @@ def identify(url: str, baud: int = DEFAULT_BAUD) -> Who:
 
 
 def close(runner: RealtimeRunner | VirtualRunner, link: Link) -> None:
-    """End what drives the link, and close its port."""
+    """Stop what drives a link, and close its port.
+
+    :param runner: from ``open_link``.
+    :param link: from ``open_link``.
+    """
     if isinstance(runner, RealtimeRunner):
         runner.close()
     link.close()
@@ -125,7 +168,12 @@ def _who(runner: RealtimeRunner | VirtualRunner, link: Link, identity: Any) -> W
 
 
 def line_in_words(link: Link, now_ns: int) -> str:
-    """Whether commands can be scheduled over this line: by how well the board's clock is known now, and what is needed."""
+    """Whether commands can be scheduled over this line: how well the board's clock is known, and how well it must be.
+
+    :param link: a link after its handshake.
+    :param now_ns: time of the runner's clock (ns).
+    :return: "good", "coarse" or "too coarse", with the numbers and what to do.
+    """
     fit, needs = link.clock, link.session.settings
     if fit is None:
         return "too coarse to schedule: the board's clock was not measured"
@@ -140,14 +188,20 @@ def line_in_words(link: Link, now_ns: int) -> str:
 
 
 def build_name(identity: Any) -> str:
-    """The firmware's own name for itself."""
+    """The firmware's own name for itself.
+
+    :param identity: the ``identity`` message.
+    :return: at most eight characters.
+    """
     return identity.build.rstrip(b"\0").decode("ascii", "replace")
 
 
 class Monitor:
     """Watches one link that is ready.
 
-    :param runner: what drives it. :param link: the link. :param baud: of its line.
+    :param runner: what drives it.
+    :param link: the link.
+    :param baud: of its line, for the shares of the line.
     """
 
     def __init__(self, runner: RealtimeRunner | VirtualRunner, link: Link, baud: int = DEFAULT_BAUD):
@@ -163,11 +217,16 @@ class Monitor:
 
     @property
     def elapsed_s(self) -> float:
-        """Since the watch began."""
+        """Time since the watch began (s)."""
         return (self._runner.now_ns() - self._begun_ns) / NS_PER_S
 
     def watch(self, for_s: float | None, shown: Callable[[Look], None] = lambda _: None) -> Look:
-        """Watch for so long (None: until interrupted) or until the link is lost; ``shown`` is called ten times a second."""
+        """Watch for some time, or until the link is lost.
+
+        :param for_s: how long (s); None: until interrupted.
+        :param shown: called ten times a second with the state of the link.
+        :return: the last state.
+        """
         end_ns = None if for_s is None else self._begun_ns + seconds_to_ns(for_s)
         while self._link.error is None and (end_ns is None or self._runner.now_ns() < end_ns):
             left_s = _LOOK_S if end_ns is None else min((end_ns - self._runner.now_ns()) / NS_PER_S, _LOOK_S)
@@ -176,7 +235,10 @@ class Monitor:
         return self.look()
 
     def look(self) -> Look:
-        """How the link is now."""
+        """State of the link now.
+
+        :return: counts and texts so far.
+        """
         for event in self._link.events():
             if isinstance(event, Telemetry):
                 self._take(event)

@@ -10,11 +10,11 @@ Listener = Callable[[int, str, int, int], None]
 
 @runtime_checkable
 class ObservedPort(Protocol):
-    """A simulated port that tells what its board's outputs truly did. Times are nanoseconds of its world."""
+    """A simulated port that reports what its board's outputs really did. Times are nanoseconds of its world."""
 
     @property
     def virtual(self) -> bool:
-        """Whether this port's time moves only when it is told to."""
+        """Whether this port's time moves only when it is advanced."""
         ...
 
     @property
@@ -23,17 +23,31 @@ class ObservedPort(Protocol):
         ...
 
     def watch(self, listener: Listener) -> None:
-        """Call ``listener(time_ns, kind, channel, drive)`` at each edge: coil, brake or piezo; 1, -1 (back) or 0 (off)."""
+        """Report each edge of the outputs.
+
+        :param listener: called as ``listener(time_ns, kind, channel, drive)``; kind is coil, brake or piezo, drive is 1 (on), -1
+            (on with the other sign) or 0 (off).
+        """
         ...
 
     def tick_ns(self, tick: int) -> int:
-        """World time at which the board's own clock shows ``tick`` (u32), the one nearest to now."""
+        """World time at which the board's own clock shows a tick, the one nearest to now.
+
+        :param tick: u32.
+        :return: nanoseconds.
+        """
         ...
 
     def next_event(self) -> int | None:
-        """Time of the next thing that happens by itself, or None."""
+        """Time of the next thing that happens by itself.
+
+        :return: nanoseconds, or None if nothing is due.
+        """
         ...
 
     def energised(self) -> list[int]:
-        """Channels that carry current or dangerous volts now."""
+        """Channels that carry current or dangerous volts now.
+
+        :return: channel numbers, from 0.
+        """
         ...

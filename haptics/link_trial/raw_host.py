@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 from haptics.errors import LinkError
 from haptics.link.clock import signed_ticks
+from haptics.link.handshake import UNNUMBERED
 from haptics.link.messages import BY_NAME, BY_TYPE, OPEN_COMMANDS, TICK_HZ, Board, State, Status, decode, encode, payload_size
 from haptics.link.ports import BytePort, PortErrors, read_waiting
 from haptics.link.simulated import SimulatedPort, simulated
@@ -27,15 +28,21 @@ _LARGEST_NUMBER = 255
 
 
 class Broken(Exception):
-    """A rule was broken; the message says what was seen."""
+    """A rule was broken; the message is what was seen."""
 
 
 class NotApplicable(Exception):
-    """A rule cannot be tried on this board or port; the message says why."""
+    """A rule cannot be tried on this board or port; the message is the reason."""
 
 
 class Heard(NamedTuple):
-    """A frame from the board, and when its last byte was read."""
+    """A frame from the board.
+
+    :param time_ns: when its last byte was read (host's ``now_ns``).
+    :param name: of the message.
+    :param seq: its sequence number.
+    :param message: its fields.
+    """
 
     time_ns: int
     name: str
@@ -44,7 +51,13 @@ class Heard(NamedTuple):
 
 
 class Edge(NamedTuple):
-    """An output of a simulated board went on (1, or -1: a coil driven back) or off (0)."""
+    """An output of a simulated board went on or off.
+
+    :param time_ns: when (world ns).
+    :param kind: coil, brake or piezo.
+    :param channel: from 0.
+    :param drive: 1 on, -1 on with the other sign, 0 off.
+    """
 
     time_ns: int
     kind: str
@@ -53,7 +66,12 @@ class Edge(NamedTuple):
 
 
 def need(condition: bool, seen: str) -> None:
-    """:raises Broken: the condition does not hold."""
+    """Require a condition.
+
+    :param condition: what must hold.
+    :param seen: what was observed, for the message.
+    :raises Broken: it does not hold.
+    """
     if not condition:
         raise Broken(seen)
 
@@ -61,10 +79,11 @@ def need(condition: bool, seen: str) -> None:
 class RawHost:
     """A host on an open port.
 
-    :param port: from ``open_port``. :param name: how errors name it.
-
     ``heard``: all frames so far. ``strange``: what came and was no frame of a board. ``identity``: the last one heard.
-    ``simulated``, ``observed``: the port where it lets its board's truth be seen, else None.
+    ``simulated``, ``observed``: the port where it gives access to its board's truth, else None.
+
+    :param port: from ``open_port``.
+    :param name: how errors name it.
     """
 
     def __init__(self, port: BytePort, name: str):
@@ -95,21 +114,28 @@ class RawHost:
 
     @property
     def world(self) -> SimulatedPort:
-        """:raises NotApplicable: this is hardware, or runs in real time."""
+        """The simulated port.
+
+        :raises NotApplicable: this is hardware, or runs in real time.
+        """
         if self.simulated is None:
             raise NotApplicable("only a simulated board in virtual time shows this")
         return self.simulated
 
     @property
     def outputs(self) -> ObservedPort:
-        """:raises NotApplicable: this is hardware, or runs in real time."""
+        """The port that reports its board's outputs.
+
+        :raises NotApplicable: this is hardware, or runs in real time.
+        """
         if self.observed is None:
             raise NotApplicable("only a simulated board in virtual time shows its outputs")
         return self.observed
 
     def run_to(self, to_ns: int) -> None:
-        """Listen up to a time, and say nothing.
+        """Listen up to a time, and send nothing.
 
+        :param to_ns: as ``now_ns`` counts.
         :raises LinkLost: the port went away.
         """
         with PortErrors(self.name, "read"):
@@ -127,25 +153,35 @@ class RawHost:
             self._read()
 
     def run(self, ms: float) -> None:
-        """Listen for so long, and say nothing: an armed board makes itself safe after a tenth of a second."""
+        """Listen for some time, and send nothing: an armed board makes itself safe after a tenth of a second.
+
+        :param ms: how long (ms).
+        """
         self.run_to(self.now_ns + round(ms * NS_PER_MS))
 
     def live(self, ms: float) -> None:
-        """Listen for so long, and keep the board's dead-man fed."""
+        """Listen for some time, and keep the board's dead-man fed.
+
+        :param ms: how long (ms).
+        """
         end_ns = self.now_ns + round(ms * NS_PER_MS)
         while self.now_ns < end_ns:
             self.send("keepalive", seq=0)
             self.run_to(min(self.now_ns + round(_KEEPALIVE_MS * NS_PER_MS), end_ns))
 
     def wait_out(self, ms: float) -> None:
-        """Live on until what was asked for ``ms`` from some ``tick_in`` before now is over."""
+        """Live on until what was scheduled some time after a ``tick_in`` before now is over.
+
+        :param ms: how long after that tick (ms).
+        """
         self.live(ms + self._spare_ms)
 
     # Bytes.
 
     def write(self, data: bytes) -> None:
-        """Bytes as they are.
+        """Send bytes as they are.
 
+        :param data: the bytes.
         :raises LinkLost: the port went away.
         """
         with PortErrors(self.name, "write"):
@@ -170,21 +206,36 @@ class RawHost:
             self.identity = self.heard[-1].message
 
     def number(self) -> int:
-        """The next sequence number."""
+        """The next sequence number.
+
+        :return: 1 to 255, 1 following 255.
+        """
         self._seq = self._seq % _LARGEST_NUMBER + 1
         return self._seq
 
     def send(self, name: str, *values: Any, seq: int | None = None) -> int:
-        """Send a message, numbered by itself if need be; returns the number."""
+        """Send a message.
+
+        :param name: in the message table.
+        :param values: its fields.
+        :param seq: its number; None: the next one, or 0 for messages that carry none.
+        :return: the number it was sent under.
+        """
         if seq is None:
-            seq = 0 if name in ("identify", "sync", "keepalive") else self.number()
+            seq = 0 if name in UNNUMBERED else self.number()
         self.write(frame(BY_NAME[name].type, seq, encode(name, *values)))
         return seq
 
     # Questions.
 
     def answers(self, data: bytes, count: int = 1, wait_ms: float | None = None) -> list[Heard]:
-        """Send bytes and wait for so many answers; returns those that came, more than ``count`` if there were."""
+        """Send bytes and wait for answers.
+
+        :param data: frames, or anything else.
+        :param count: answers to wait for.
+        :param wait_ms: longest wait (ms); None: ``patience_ms``.
+        :return: answers that came, more than ``count`` if there were more.
+        """
         mark = len(self.heard)
         self.write(data)
         end_ns = self.now_ns + round((wait_ms or self.patience_ms) * NS_PER_MS)
@@ -199,36 +250,47 @@ class RawHost:
 
     @property
     def patience_ms(self) -> float:
-        """How long an answer may take: in real time, longer than any machine is busy with other things."""
+        """How long an answer may take (ms): in real time, longer than any machine is busy with other things."""
         return 20.0 if self.simulated is not None else 250.0
 
     def ask(self, name: str, *values: Any, seq: int | None = None) -> Any:
-        """Send, and the message that answers.
+        """Send a message and wait for its answer.
 
+        :param name: in the message table.
+        :param values: its fields.
+        :param seq: its number; None: the next one, or 0 for messages that carry none.
+        :return: the message that answers.
         :raises Broken: none came, or one with another number.
         """
         if seq is None:
-            seq = 0 if name in ("identify", "sync") else self.number()
+            seq = 0 if name in UNNUMBERED else self.number()
         found = self.answers(frame(BY_NAME[name].type, seq, encode(name, *values)))
         need(bool(found), f"no answer to {name} number {seq} within {self.patience_ms:g} ms")
         need(found[0].seq == seq, f"{name} number {seq} was answered under number {found[0].seq}")
         return found[0].message
 
     def expect(self, name: str, *values: Any, status: Status = Status.OK, detail: int | None = 0, seq: int | None = None) -> Any:
-        """Ask, and hold the reply against what is expected (detail None: any); returns it.
+        """Send a command and compare its reply with what is expected.
 
-        :raises Broken: it says something else.
+        :param name: in the message table.
+        :param values: its fields.
+        :param status: expected status.
+        :param detail: expected detail; None: any.
+        :param seq: its number; None: the next one.
+        :return: the reply.
+        :raises Broken: the reply differs.
         """
         reply = self.ask(name, *values, seq=seq)
         wanted = status.name.lower() if detail is None else f"{status.name.lower()}, detail {detail}"
         fits = reply.status == status and detail in (None, reply.detail)
-        need(fits, f"{name} was answered {told(reply)}; expected {wanted}")
+        need(fits, f"{name} was answered {reply_in_words(reply)}; expected {wanted}")
         return reply
 
     def meet(self) -> Any:
-        """Ask who is there until an answer comes: a board may be silent while it boots.
+        """Send ``identify`` until an answer comes: a board may be silent for some seconds while it boots.
 
-        :raises LinkError: nobody answers.
+        :return: the board's identity.
+        :raises LinkError: no board answers.
         """
         end_ns = self.now_ns + round(_BOOT_MS * NS_PER_MS)
         while self.now_ns < end_ns:
@@ -243,9 +305,9 @@ class RawHost:
         """What came so far, in words."""
         first = self.strange[0] if self.strange else self._buffer
         if not self.heard and not first:
-            return "not one byte came"
+            return "no byte came"
         quoted = f", beginning with {first[:32]!r}" if first else ""
-        return f"{len(self.heard)} whole frames of a board came, and {len(self.strange)} that are none{quoted}"
+        return f"{len(self.heard)} frames of a board came, and {len(self.strange)} other pieces{quoted}"
 
     @property
     def board(self) -> Board:
@@ -253,11 +315,18 @@ class RawHost:
         return Board(self.identity.board)
 
     def tick(self) -> int:
-        """A tick of the board's clock a moment ago, u32."""
+        """The board's clock a moment ago.
+
+        :return: ticks, u32.
+        """
         return self.ask("sync", 1).sent
 
     def tick_in(self, ms: float) -> int:
-        """The board's tick about ``ms`` from now, u32; in real time a little later, for what is still to be said before."""
+        """The board's tick some time from now; in real time a little later, for what is still to be sent before.
+
+        :param ms: how long from now (ms).
+        :return: ticks, u32.
+        """
         return (self.tick() + round((ms + (self._spare_ms if ms > 0 else 0)) * TICKS_PER_MS)) % 2**32
 
     @property
@@ -279,15 +348,17 @@ class RawHost:
         raise Broken(f"armed, but {state.name.lower()} half a second later")
 
     def rest(self) -> None:
-        """Disarmed, nothing latched that can be cleared, and where it says so."""
+        """Disarm, and clear the faults whose cause is gone; returns once telemetry shows it."""
         self.ask("disarm")
         for _ in range(10):
             if self.telemetry().state in (State.DISARMED, State.FAULT):
                 return
 
     def telemetry(self, feed: bool = True) -> Any:
-        """The next telemetry that was sent after now; keeps the dead-man fed meanwhile, unless told not to.
+        """The next telemetry that was sent after now.
 
+        :param feed: ask for the board's clock first, which feeds its dead-man; False: take the next telemetry that comes.
+        :return: the message.
         :raises Broken: none comes.
         """
         mark = len(self.heard)
@@ -302,12 +373,21 @@ class RawHost:
         raise Broken(f"no telemetry within {5 * self.patience_ms:g} ms")
 
     def all(self, name: str, since: int = 0) -> list[Heard]:
-        """Frames of that name, from the ``since``th heard on; "telemetry" is of either board."""
+        """Frames of one name.
+
+        :param name: of the message; ``telemetry`` is that of either board.
+        :param since: index in ``heard`` of the first frame looked at.
+        :return: frames in their order.
+        """
         return [one for one in self.heard[since:] if one.name == name or (name == "telemetry" and one.name.endswith(name))]
 
     def flood(self, name: str, *values: Any, count: int) -> list[int]:
-        """Send numbered commands as fast as the line takes them, eight open at a time; returns their numbers.
+        """Send numbered commands as fast as the line takes them, eight open at a time.
 
+        :param name: in the message table.
+        :param values: fields of each.
+        :param count: how many; rounded down to a multiple of eight.
+        :return: the numbers they were sent under.
         :raises Broken: a reply is missing.
         """
         sent: list[int] = []
@@ -320,7 +400,11 @@ class RawHost:
         return sent
 
 
-def told(reply: Any) -> str:
-    """A reply in words."""
+def reply_in_words(reply: Any) -> str:
+    """A reply in words.
+
+    :param reply: the message.
+    :return: status and detail.
+    """
     known = reply.status in Status.__members__.values()
     return f"{Status(reply.status).name.lower() if known else f'status {reply.status}'}, detail {reply.detail}"

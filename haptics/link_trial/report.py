@@ -7,7 +7,12 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Quantiles:
-    """Of a set of times, in microseconds."""
+    """Of a set of times (µs).
+
+    :param p50: the median.
+    :param p99: exceeded by one in a hundred.
+    :param max: the largest.
+    """
 
     p50: float
     p99: float
@@ -15,7 +20,11 @@ class Quantiles:
 
 
 def quantiles_us(values_ns: list[int]) -> Quantiles | None:
-    """Quantiles (nearest rank) of magnitudes; None of none."""
+    """Quantiles (nearest rank) of magnitudes.
+
+    :param values_ns: times of either sign (ns).
+    :return: in microseconds; None of an empty list.
+    """
     ordered = sorted(abs(value) for value in values_ns)
     if not ordered:
         return None
@@ -25,18 +34,37 @@ def quantiles_us(values_ns: list[int]) -> Quantiles | None:
 
 @dataclass(frozen=True, slots=True)
 class StressReport:
-    """``sent = acknowledged + refused + unknown_outcomes``.
+    """Counts of a trial. ``sent = acknowledged + refused + unknown_outcomes``.
 
-    ``refused``: by the board with a reply (of them ``late``: its time had passed), or by the host before sending.
-    ``unknown_outcomes``: given up without a reply. ``min_margin_ms``: the shortest time that an acknowledged command lay ahead
-    when the board dealt with it. ``retried``: repetitions. ``pulses``: outputs that acknowledged commands put on. ``lost``:
-    acknowledged, and never played though nothing disarmed the board. ``disarmed``: how often the board
-    disarmed itself and was armed again; ``disarmed_because``: what it said, each time it said so. None where this port cannot
-    tell: the edges, and what is on in silence.
-    ``edge_error_us``: magnitude, edge against the commanded tick on the board's own clock.
-    ``max_energised_after_silence_ms``: from the last byte that reached the board until its outputs are off for good;
-    ``silence_limit_ms``: the dead-man time, 1 ms to notice, and 5 ms for a brake to discharge. ``ended``: why the link ended
-    early.
+    None stands where this port cannot show it: the edges, and what is on in silence.
+
+    :param port: its URL or path.
+    :param seed: of the commands and faults.
+    :param faults: as given, or as the port's URL names them.
+    :param sent: commands.
+    :param acknowledged: commands that the board accepted.
+    :param refused: by the board with a reply, or by the host before sending.
+    :param unknown_outcomes: given up without a reply.
+    :param late: refused because their time had passed.
+    :param min_margin_ms: the shortest time that an acknowledged command lay ahead when the board dealt with it (ms); None if
+        there was none.
+    :param retried: repetitions.
+    :param pulses: outputs that acknowledged commands put on.
+    :param lost: acknowledged, and never played though nothing disarmed the board.
+    :param duplicate_effects: outputs that one command put on twice.
+    :param played_late: starts more than 100 us after their time.
+    :param played_early: starts more than 100 us before it.
+    :param played_uncommanded: starts that no command explains.
+    :param played_too_long: outputs that went off more than 200 us after their time.
+    :param played_too_short: outputs that went off more than 200 us before it.
+    :param disarmed: how often the board disarmed itself and was armed again.
+    :param disarmed_because: its reason, each time.
+    :param max_energised_after_silence_ms: from the last byte that reached the board until its outputs are off for good (ms).
+    :param silence_limit_ms: the dead-man time, 1 ms to notice, and 5 ms for a brake to discharge (ms).
+    :param edge_error_us: magnitude of edge against commanded tick, on the board's own clock.
+    :param lasted_s: how long the commands took (s of the runner's clock).
+    :param ended: why the link ended early, or None.
+    :param violations: promises of the protocol that were broken, in words.
     """
 
     port: str

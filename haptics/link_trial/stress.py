@@ -32,10 +32,10 @@ from haptics.time import NS_PER_MS, NS_PER_S
 
 _IN_FLIGHT = 8
 _SETTLED_NS = NS_PER_S
-"""A command is judged when its time is past by so much."""
+"""How long after its time a command is judged."""
 _BLIND_NS = 200 * NS_PER_MS
-"""A board may have been disarmed for so long before its host hears of it."""
-_DEAD_MAN_MS = 100.0  # of the protocol, whatever a board says of itself
+"""How long a board may have been disarmed before its host learns of it."""
+_DEAD_MAN_MS = 100.0  # of the protocol, whatever a board reports
 _NOTICE_MS = 1.0
 """A board acts no sooner than its dead-man time is over, and at most so much later: it looks at least each millisecond."""
 _DISCHARGE_MS = 5.0
@@ -48,7 +48,7 @@ _UP = (State.ARMED, State.DRIVING)
 
 @dataclass(slots=True)
 class _Sent:
-    """A command on its way, with what it is expected to put on."""
+    """A command in flight, with what it is expected to put on."""
 
     command: Command
     pending: Pending
@@ -57,18 +57,22 @@ class _Sent:
 
 
 def stress(port: str, frames: int, faults: str = "", seed: int = 1, baud: int = DEFAULT_BAUD) -> StressReport:
-    """Arm the board behind ``port``, send ``frames`` commands, then fall silent.
+    """Arm the board behind a port, send commands at random, then fall silent.
 
-    :param port: a URL; a simulated board runs in virtual time unless it names a clock.
+    :param port: a URL; a simulated board runs in virtual time unless the URL names a clock.
+    :param frames: commands to send, at least 1.
     :param faults: see ``parse_faults``; played in a simulated board's cable, else on this side of the port.
-    :param seed: of commands and faults, and of a simulated board, unless its URL has one.
-    :raises InputError: an argument that cannot be used. :raises LinkError: no board, or it does not arm.
+    :param seed: of commands and faults, and of a simulated board unless its URL has one.
+    :param baud: speed of a serial line.
+    :return: counts and violations.
+    :raises InputError: an argument that cannot be used.
+    :raises LinkError: no board, or it does not arm.
     """
     if frames < 1:
-        raise InputError(f"frames = {frames} is not allowed; allowed: at least 1")
+        raise InputError(f"frames = {frames}; expected at least 1")
     in_url = query_of(port).get("faults", "")
     if faults and in_url:
-        raise InputError(f"faults = {faults!r} is not allowed with a port that names its own; allowed: one of the two")
+        raise InputError(f"faults = {faults!r}, and the port's URL names faults too; give them in one place")
     faults = faults or in_url
     parsed = parse_faults(faults)
     opened, url = _open(port, parsed, faults, seed, baud)
@@ -297,7 +301,7 @@ class _Trial:
         return inf
 
     def _fall_silent(self, workload: CoilCommands | BrakeCommands) -> int | None:
-        """Leave the board with much to do and say nothing more; None if nothing was on by then."""
+        """Leave the board with much to do and send nothing more; None if nothing was on by then."""
         observed, runner = self._observed, self._runner
         assert observed is not None
         assert isinstance(runner, VirtualRunner)
@@ -332,13 +336,13 @@ class _Trial:
         limit_ms = _DEAD_MAN_MS + _NOTICE_MS + (_DISCHARGE_MS if self._link.board == Board.BRAKE else 0.0)
         sent = counts["acknowledged"] + counts["refused"] + counts["unknown"]
         duplicates = effects.duplicates if seen else counted.surplus(counts["pulses"])
-        whole = ended is None and self._disarmed == 0  # else nobody knows what was forgotten, or not told any more
+        whole = ended is None and self._disarmed == 0  # else it is unknown what was forgotten, or not reported any more
         lost = counts["lost"] if seen else counted.missing(counts["pulses"]) if whole else None
         broken = {
             "commands had their effect twice": duplicates,
             "were played more than 100 us late": effects.late,
             "were played more than 100 us early": effects.early,
-            "outputs went on though nobody commanded it": effects.uncommanded,
+            "outputs went on without a command": effects.uncommanded,
             "outputs went on with the wrong sign": effects.reversed,
             "outputs stayed on more than 200 us too long": effects.too_long,
             "outputs went off more than 200 us too soon": self._too_short,
@@ -349,7 +353,7 @@ class _Trial:
         if silence_ms == inf:
             violations.append(f"nothing was on when the host fell silent, {_SILENCES} times over: silence could not be judged")
         elif silence_ms is not None and silence_ms > limit_ms:
-            violations.append(f"outputs were on for {silence_ms:g} ms after the host fell silent, allowed: {limit_ms:g} ms")
+            violations.append(f"outputs were on for {silence_ms:g} ms after the host fell silent; limit {limit_ms:g} ms")
         if ended is not None and not self._parsed.ends_the_link:
             violations.append(f"the link ended after {sent} of {frames} commands: {ended}")
         return StressReport(

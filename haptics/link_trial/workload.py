@@ -21,7 +21,13 @@ _SHORTEST = 4
 
 
 class Output(NamedTuple):
-    """One output that a command puts on: kind (coil, brake, piezo), 1 or -1 (back), and for how long."""
+    """One output that a command puts on.
+
+    :param kind: coil, brake or piezo.
+    :param channel: from 0.
+    :param drive: 1, or -1 where a coil is driven back.
+    :param on_ns: for how long (ns).
+    """
 
     kind: str
     channel: int
@@ -31,7 +37,13 @@ class Output(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """A message with its fields behind ``time``, when it is to be played, and what that puts on."""
+    """A timed command and what it puts on.
+
+    :param name: in the message table.
+    :param start_ns: when it is to be played (ns).
+    :param values: its fields behind ``time``.
+    :param outputs: what it puts on.
+    """
 
     name: str
     start_ns: int
@@ -88,7 +100,10 @@ class CoilCommands:
     """Pulses on one to three coils at once: never more coils on than the board's current limit allows, none for longer than its
     account of on-time has room for.
 
-    :param limits: the board's, in the order of ``identity.limits``. :param heat: its coils', as telemetry has it now.
+    :param limits: the board's, in the order of ``identity.limits``.
+    :param random: where the random choices come from.
+    :param heat: account of each coil as telemetry has it, in 20 ms; 15 values.
+    :param now_ns: time at which ``heat`` holds (ns).
     """
 
     every_ns = (2 * NS_PER_MS, 5 * NS_PER_MS)
@@ -100,7 +115,11 @@ class CoilCommands:
         self._on_time = _OnTime(limits[4], heat, now_ns)
 
     def next(self, now_ns: int) -> Command | None:
-        """A command to be sent now; None if the coils are too busy for any."""
+        """A command to be sent now.
+
+        :param now_ns: the time (ns), not before that of the last call.
+        :return: the command; None if the coils are too busy for any.
+        """
         random = self._random
         self._book.forget(now_ns)
         for _ in range(_TRIES):
@@ -134,7 +153,11 @@ class CoilCommands:
         return Command("pulse", start_ns, (mask(channels), mask(toward), tuple(table)), outputs)
 
     def lasting(self, now_ns: int) -> list[Command]:
-        """Pulses that go on for as long as the queue has room, one after the other."""
+        """Pulses that go on for as long as the queue has room, one after the other.
+
+        :param now_ns: the time (ns).
+        :return: commands, the first of which begins in 60 ms.
+        """
         count = min(self._places, 60)
         duration = min(self._longest, 180)
         begin_ns = now_ns + _LEAD_NS[1]
@@ -144,7 +167,9 @@ class CoilCommands:
 class BrakeCommands:
     """Drives with a pause between them, so that each begins from empty outputs; and piezo bursts.
 
-    :param limits: the board's, in the order of ``identity.limits``. :param fitted: outputs that have a brake.
+    :param limits: the board's, in the order of ``identity.limits``.
+    :param fitted: outputs that have a brake.
+    :param random: where the random choices come from.
     """
 
     every_ns = (8 * NS_PER_MS, 14 * NS_PER_MS)
@@ -158,7 +183,11 @@ class BrakeCommands:
         self._fitted, self._random, self._book = fitted, random, _Book()
 
     def next(self, now_ns: int) -> Command | None:
-        """A command to be sent now; None if the outputs are too busy for any."""
+        """A command to be sent now.
+
+        :param now_ns: the time (ns), not before that of the last call.
+        :return: the command; None if the outputs are too busy for any.
+        """
         self._book.forget(now_ns)
         for _ in range(_TRIES):
             start_ns = now_ns + self._random.randint(*_LEAD_NS)
@@ -191,16 +220,32 @@ class BrakeCommands:
         return Command("piezo", start_ns, (mask(channels), duration_ms), outputs)
 
     def lasting(self, now_ns: int) -> list[Command]:
-        """A drive as long as the board takes."""
+        """A drive for as long as the board takes one.
+
+        :param now_ns: the time (ns).
+        :return: one command that begins in 60 ms; none if no brake is fitted.
+        """
         return [drive(now_ns + _LEAD_NS[1], self._fitted, self._volts, 200, min(2000, self._longest_ms))] if self._fitted else []
 
 
 def drive(start_ns: int, channels: list[int], volts: int, frequency_dhz: int, ttl_ms: int) -> Command:
-    """A drive of those outputs."""
+    """A drive of some outputs.
+
+    :param start_ns: when it begins (ns).
+    :param channels: outputs, from 0.
+    :param volts: amplitude (V).
+    :param frequency_dhz: frequency in 0.1 Hz.
+    :param ttl_ms: how long it lasts (ms).
+    :return: the command.
+    """
     outputs = tuple(Output("brake", channel, 1, ttl_ms * NS_PER_MS) for channel in channels)
     return Command("drive", start_ns, (mask(channels), volts, frequency_dhz, ttl_ms), outputs)
 
 
 def mask(channels: list[int] | set[int]) -> int:
-    """One bit a channel."""
+    """One bit a channel.
+
+    :param channels: from 0.
+    :return: the sum of ``1 << channel``.
+    """
     return sum(1 << channel for channel in channels)

@@ -24,7 +24,11 @@ hold an account up to 0.1 % too high (``docs/reference/protocol.md``, heat of th
 
 @dataclass(frozen=True, slots=True)
 class CoilHeat:
-    """First-order parameters, and the power that a pulse is charged with (W); the published device if not given."""
+    """What one coil's heat account is computed with; the published device if not given.
+
+    :param parameters: of the first-order thermal model (thesis 3.5.2).
+    :param power_w: power that a pulse is charged with (W).
+    """
 
     parameters: ThermalParameters = THERMAL
     power_w: float = PULSE_POWER_W
@@ -39,22 +43,31 @@ class CoilHeat:
 
         ``A c P / max(tau, tau_b)``, with ``MARGIN`` taken off ``A``.
 
+        :param on_time_s: limit ``A`` of the board's account (s), at least one pulse.
+        :return: limit of the rise above the room (K).
         :raises InputError: less on-time than one pulse takes.
         """
         in_range("on_time_s", on_time_s, PULSE_S, math.inf, "s")
         return (1.0 - MARGIN) * on_time_s * self.jump_k_per_s * min(1.0, self.parameters.tau_s / BOARD_TAU_S)
 
     def on_time_s(self, limit_k: float) -> float:
-        """Least limit of a board's account that admits whatever a host with ``limit_k`` does; the inverse of ``limit_k``."""
+        """Smallest limit of a board's account that admits whatever a host with ``limit_k`` does; inverts ``CoilHeat.limit_k``.
+
+        :param limit_k: the host's limit of the rise above the room (K), above 0.
+        :return: on-time (s).
+        :raises InputError: a limit that is not above 0.
+        """
         in_range("limit_k", limit_k, 1e-9, math.inf, "K")
         return limit_k / ((1.0 - MARGIN) * self.jump_k_per_s * min(1.0, self.parameters.tau_s / BOARD_TAU_S))
 
     def rise_k(self, account_s: float) -> float:
-        """Where this account would stand at the most, had it seen all that led a board's account to ``account_s``.
+        """Largest value of this account, had it seen all that led a board's account to ``account_s``.
 
         ``g a`` (``g = c P / tau``) for ``tau <= tau_b``. A slower body remembers longer: behind ``a`` there is at worst an
         account that was at the limit ``A`` for ever and then left alone, hence ``g A (tau/tau_b) (a/A)^(tau_b/tau)``.
 
+        :param account_s: the board's account ``a`` (s of on-time), at least 0.
+        :return: rise above the room (K).
         :raises InputError: a negative account.
         """
         in_range("account_s", account_s, 0.0, math.inf, "s")

@@ -38,9 +38,13 @@ def latency_bound_s(
     >>> round(latency_bound_s(3, unit_s=0.010, blocker_s=0.005), 6)
     0.045
 
-    :param unit_s: longest unit that may go before, with the scheduler's gap added: 10 ms; for a burst the whole burst.
-    :param blocker_s: longest unit that may be running (5 ms if only bursts do, else 10 ms; the whole burst if the request is
+    :param coils_at_once: ``n``, units that may run at the same time, at least 1.
+    :param channels: of the array, this one included, at least 1.
+    :param unit_s: longest unit that may go before (s), with the scheduler's gap added: 10 ms; for a burst the whole burst.
+    :param blocker_s: longest unit that may be running (s; 5 ms if only bursts do, else 10 ms; the whole burst if the request is
         a burst), plus the gap, plus how far ahead ``step`` commits.
+    :param overtakes: units of one other channel that may start before this request, beyond the first; see above.
+    :return: longest wait (s).
     :raises InputError: a number outside its range.
     """
     n = in_range("coils_at_once", coils_at_once, 1, math.inf)
@@ -61,7 +65,7 @@ def sustained_latency_bound_s(
 ) -> float:
     """The bound for any class under steady load: each other channel makes at most one request every ``spacing_s``.
 
-    Least ``w`` with ``w = blocker + floor((channels - 1)(q + 1 + floor(w / spacing)) / n) * unit``: ``q`` requests that were
+    Smallest ``w`` with ``w = blocker + floor((channels - 1)(q + 1 + floor(w / spacing)) / n) * unit``: ``q`` requests that were
     waiting already and ``1 + floor(w / spacing)`` new ones a channel. ``q`` is 1 if a release has played by the time at which
     the next request of its channel may start, ``spacing >= unit + latency_bound_s(...)``, else 2. Infinite where the others
     alone use up all slots, ``(channels - 1) unit >= n spacing``: then the most urgent starve the rest.
@@ -71,7 +75,12 @@ def sustained_latency_bound_s(
     >>> round(sustained_latency_bound_s(3, 0.1, blocker_s=0.005), 6)
     0.095
 
-    :param spacing_s: least time between two earliest starts on one channel, > 0.
+    :param coils_at_once: ``n``, units that may run at the same time, at least 1.
+    :param spacing_s: smallest time between two earliest starts on one channel (s), above 0.
+    :param channels: of the array, this one included, at least 1.
+    :param unit_s: see ``latency_bound_s`` (s).
+    :param blocker_s: see ``latency_bound_s`` (s).
+    :return: longest wait (s), infinite where there is no bound.
     :raises InputError: a number outside its range.
     """
     in_range("spacing_s", spacing_s, 1e-9, math.inf, "s")

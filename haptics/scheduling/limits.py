@@ -13,12 +13,12 @@ from haptics.units import in_range
 class CoilLimits:
     """Settings of the scheduler that are the same for the whole run.
 
-    :param current_limit_a: what the supply may be asked for; 12 A is a setting.
-    :param coil_current_a: one coil's current at 5 V: one number for all, or one each as measured. 3.9 A is the worst of
+    :param current_limit_a: what the supply may be asked for (A); 12 A is a setting.
+    :param coil_current_a: one coil's current at 5 V (A): one number for all, or one each as measured. 3.9 A is the worst of
         1.38 ± 0.1 ohm (thesis 3.4.3).
-    :param coil_power_w: V²/R while a coil is on: one number for all, or one each; 18 W (thesis 3.4.3).
-    :param gap_s: least time between one unit's end and the next one's start on the same coil or in the same share of
-        the current.
+    :param coil_power_w: V²/R while a coil is on (W): one number for all, or one each; 18 W (thesis 3.4.3).
+    :param gap_s: shortest time between one unit's end and the next one's start on the same coil or in the same share of the
+        current (s), 0 to 1.
     :raises InputError: a value outside its range.
     """
 
@@ -43,21 +43,25 @@ class CoilLimits:
     def power_w(self, channels: int) -> tuple[float, ...]:
         """Power of each coil.
 
-        :raises InputError: as many powers were given as do not fit ``channels``.
+        :param channels: number of coils.
+        :return: watts, one value a coil.
+        :raises InputError: the number of powers given is not ``channels``.
         """
         return _one_a_channel("coil_power_w", self.coil_power_w, channels)
 
     def current_a(self, channels: int) -> tuple[float, ...]:
         """Current of each coil.
 
-        :raises InputError: as many currents were given as do not fit ``channels``.
+        :param channels: number of coils.
+        :return: amperes, one value a coil.
+        :raises InputError: the number of currents given is not ``channels``.
         """
         return _one_a_channel("coil_current_a", self.coil_current_a, channels)
 
 
 def _one_a_channel(name: str, values: float | tuple[float, ...], channels: int) -> tuple[float, ...]:
     if isinstance(values, tuple) and len(values) != channels:
-        raise InputError(f"{name} has {len(values)} values; allowed: 1 or {channels}, one a channel")
+        raise InputError(f"{name} has {len(values)} values; expected 1, or {channels}, one a channel")
     return values if isinstance(values, tuple) else (values,) * channels
 
 

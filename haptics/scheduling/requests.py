@@ -1,4 +1,4 @@
-"""What may be asked of a coil, and what is said back: strokes, requests, outcomes, pulses."""
+"""What may be requested of a coil, and what becomes of it: strokes, requests, outcomes, pulses."""
 
 from __future__ import annotations
 
@@ -25,7 +25,12 @@ class Priority(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Stroke:
-    """The coil driven one way for ``duration_s`` (0 < duration <= 10 ms, thesis 3.4.3)."""
+    """The coil driven in one direction.
+
+    :param toward_skin: True toward the skin, False back.
+    :param duration_s: 50 us to 10 ms (s; thesis 3.4.3).
+    :raises InputError: a duration outside that range.
+    """
 
     toward_skin: bool
     duration_s: float
@@ -36,16 +41,17 @@ class Stroke:
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """One wish for one coil.
+    """One request for one coil.
 
-    Its strokes follow each other without a pause. They are one unit that cannot be cut, except in a burst, where every
-    back stroke ends a cycle and a cycle is the unit.
+    Its strokes follow each other without a pause. They are one unit that cannot be cut, except in a burst, where every back
+    stroke ends a cycle and a cycle is the unit.
 
     :param channel: actuator index from 0.
+    :param priority: its class, which also decides how it may end.
     :param strokes: a contact ends toward the skin, everything else ends back; a release is a single stroke.
-    :param submitted_ns: when the caller made the wish.
-    :param start_ns: earliest start.
-    :param latest_ns: latest start, or None: whenever it becomes possible.
+    :param submitted_ns: when the caller made the request (ns).
+    :param start_ns: earliest start (ns).
+    :param latest_ns: latest start (ns), or None: whenever it becomes possible.
     :param token: the caller's own mark, handed back untouched.
     :raises InputError: strokes that do not suit the priority, a negative channel, or ``latest_ns < start_ns``.
     """
@@ -60,18 +66,18 @@ class Request:
 
     def __post_init__(self) -> None:
         if self.channel < 0:
-            raise InputError(f"channel = {self.channel} is not allowed; allowed: at least 0")
+            raise InputError(f"channel = {self.channel}; expected at least 0")
         if not self.strokes:
-            raise InputError(f"strokes of a {self.priority.name.lower()} are empty; allowed: at least one stroke")
+            raise InputError(f"strokes of a {self.priority.name.lower()} are empty; expected at least one stroke")
         if self.strokes[-1].toward_skin != (self.priority is Priority.CONTACT):
             raise InputError(
                 f"last stroke of a {self.priority.name.lower()} has toward_skin = {self.strokes[-1].toward_skin}; "
-                "allowed: True for a contact, False for everything else"
+                "expected True for a contact, False for everything else"
             )
         if self.priority is Priority.RELEASE and len(self.strokes) > 1:
-            raise InputError(f"strokes of a release are {len(self.strokes)}; allowed: 1, the one whose heat is kept in reserve")
+            raise InputError(f"a release has {len(self.strokes)} strokes; expected 1, the one whose heat is kept in reserve")
         if self.latest_ns is not None and self.latest_ns < self.start_ns:
-            raise InputError(f"latest_ns = {self.latest_ns} is not allowed; allowed: at least start_ns = {self.start_ns}")
+            raise InputError(f"latest_ns = {self.latest_ns}; expected at least start_ns = {self.start_ns}")
 
     @property
     def units(self) -> tuple[tuple[Stroke, ...], ...]:
@@ -89,7 +95,14 @@ class Request:
 
 @dataclass(frozen=True, slots=True)
 class CoilPulse:
-    """One coil energised once, at an exact time, as a board is told; ``token`` is its request's."""
+    """One coil energised once, at an exact time, as it is sent to a board.
+
+    :param channel: actuator index from 0.
+    :param start_ns: when (ns of the caller's clock).
+    :param duration_s: for how long (s).
+    :param toward_skin: True toward the skin, False back.
+    :param token: its request's.
+    """
 
     channel: int
     start_ns: int
@@ -102,10 +115,11 @@ class CoilPulse:
 class Outcome:
     """What became of one request; every request gets exactly one.
 
+    :param request: the request.
     :param played: its pulses (for a cut burst: those of at least one cycle) were given out by ``Scheduler.step``.
     :param reason: why it was denied: ``superseded``, ``heat``, ``current``, ``late``, ``unarmed``, ``stopped`` or ``ended``;
         ``cut`` for a burst that was played in part; None for one played whole.
-    :param start_ns: when its first stroke starts; None if denied.
+    :param start_ns: when its first stroke starts (ns); None if denied.
     :param cycles: units played: the cycles of a burst, 1 for any other that played, 0 if denied.
     :param held_by: what a start last waited for or a burst was cut by: ``channel`` (its own coil: a stroke under way, or a
         newer request), ``current`` (as many coils as allowed are on), ``heat``, or what ended the burst (``stopped``, ...).
@@ -120,14 +134,23 @@ class Outcome:
 
     @property
     def delay_ns(self) -> int | None:
-        """Start after the earliest start asked for; None if denied."""
+        """Start after the earliest start asked for (ns); None if denied."""
         return None if self.start_ns is None else self.start_ns - self.request.start_ns
 
 
 def contact(
     channel: int, start_ns: int, latest_ns: int | None = None, *, submitted_ns: int | None = None, token: object = None
 ) -> Request:
-    """The pin out to the skin, where it stays (thesis 3.4.5): one 10 ms stroke."""
+    """The pin out to the skin, where it stays (thesis 3.4.5): one 10 ms stroke.
+
+    :param channel: actuator index from 0.
+    :param start_ns: earliest start (ns).
+    :param latest_ns: latest start (ns); None: whenever it becomes possible.
+    :param submitted_ns: when the caller made the request (ns); None: at ``start_ns``.
+    :param token: the caller's own mark, handed back untouched.
+    :return: the request.
+    :raises InputError: see ``Request``.
+    """
     strokes = (Stroke(True, CONTACT_S),)
     return Request(channel, Priority.CONTACT, strokes, _or(submitted_ns, start_ns), start_ns, latest_ns, token)
 
@@ -135,7 +158,16 @@ def contact(
 def release(
     channel: int, start_ns: int, latest_ns: int | None = None, *, submitted_ns: int | None = None, token: object = None
 ) -> Request:
-    """The pin back in: one 10 ms stroke."""
+    """The pin back in: one 10 ms stroke. Arguments as in ``contact``.
+
+    :param channel: actuator index from 0.
+    :param start_ns: earliest start (ns).
+    :param latest_ns: latest start (ns); None: whenever it becomes possible.
+    :param submitted_ns: when the caller made the request (ns); None: at ``start_ns``.
+    :param token: the caller's own mark, handed back untouched.
+    :return: the request.
+    :raises InputError: see ``Request``.
+    """
     strokes = (Stroke(False, RELEASE_S),)
     return Request(channel, Priority.RELEASE, strokes, _or(submitted_ns, start_ns), start_ns, latest_ns, token)
 
@@ -143,7 +175,16 @@ def release(
 def pulse(
     channel: int, start_ns: int, latest_ns: int | None = None, *, submitted_ns: int | None = None, token: object = None
 ) -> Request:
-    """A tick that does not rest on the skin (thesis 3.4.5): 3 ms toward it, then back at once."""
+    """A tick that does not rest on the skin (thesis 3.4.5): 3 ms toward it, then back at once.
+
+    :param channel: actuator index from 0.
+    :param start_ns: earliest start (ns).
+    :param latest_ns: latest start (ns); None: whenever it becomes possible.
+    :param submitted_ns: when the caller made the request (ns); None: at ``start_ns``.
+    :param token: the caller's own mark, handed back untouched.
+    :return: the request.
+    :raises InputError: see ``Request``.
+    """
     strokes = (Stroke(True, PULSE_TOWARD_S), Stroke(False, PULSE_BACK_S))
     return Request(channel, Priority.PULSE, strokes, _or(submitted_ns, start_ns), start_ns, latest_ns, token)
 
@@ -157,9 +198,19 @@ def burst(
     submitted_ns: int | None = None,
     token: object = None,
 ) -> Request:
-    """A pulse train at 200 Hz (thesis 3.4.5): cycles of 2 ms toward the skin and 3 ms back; 10 cycles take 50 ms."""
+    """A pulse train at 200 Hz (thesis 3.4.5): cycles of 2 ms toward the skin and 3 ms back; 10 cycles take 50 ms.
+
+    :param channel: actuator index from 0.
+    :param start_ns: earliest start (ns).
+    :param latest_ns: latest start (ns); None: whenever it becomes possible.
+    :param cycles: at least 1; each takes 5 ms.
+    :param submitted_ns: when the caller made the request (ns); None: at ``start_ns``.
+    :param token: the caller's own mark, handed back untouched.
+    :return: the request.
+    :raises InputError: no cycle; or see ``Request``.
+    """
     if cycles < 1:
-        raise InputError(f"cycles = {cycles} is not allowed; allowed: at least 1")
+        raise InputError(f"cycles = {cycles}; expected at least 1")
     strokes = (Stroke(True, TRAIN_TOWARD_S), Stroke(False, TRAIN_BACK_S)) * cycles
     return Request(channel, Priority.BURST, strokes, _or(submitted_ns, start_ns), start_ns, latest_ns, token)
 

@@ -14,7 +14,7 @@ _ALWAYS_NS = -(1 << 62)
 class SupplyCurrent:
     """The current of one supply, as it was given out.
 
-    :param limit_a: what the supply may be asked for.
+    :param limit_a: what the supply may be asked for (A).
     """
 
     def __init__(self, limit_a: float):
@@ -22,7 +22,12 @@ class SupplyCurrent:
         self._shares: list[tuple[int, int]] = [(_ALWAYS_NS, self.limit_na)]  # free from, nA; the earliest first
 
     def free_ns(self, current_na: int) -> int:
-        """From when ``current_na``, at most the limit, can be had."""
+        """From when some current can be had.
+
+        :param current_na: how much (nA), at most the limit.
+        :return: earliest time (ns); far in the past if it was never given out.
+        :raises ValueError: more than the limit.
+        """
         for free_ns, share_na in self._shares:
             current_na -= share_na
             if current_na <= 0:
@@ -30,9 +35,13 @@ class SupplyCurrent:
         raise ValueError("more current than the supply has")  # such a request is denied when it is made
 
     def take(self, current_na: int, at_ns: int, until_ns: int) -> None:
-        """Give ``current_na`` out from ``at_ns``, not before ``free_ns``, until ``until_ns``.
+        """Give current out for a span.
 
         The shares longest in use among those free go first: what has been idle stays good for earlier starts.
+
+        :param current_na: how much (nA), at most the limit.
+        :param at_ns: from when (ns), not before ``free_ns``.
+        :param until_ns: until when (ns).
         """
         kept: list[tuple[int, int]] = []
         wanted_na = current_na

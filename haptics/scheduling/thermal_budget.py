@@ -22,13 +22,15 @@ from haptics.units import in_range
 class ThermalBudget:
     """Rise of one actuator above the room (K) and the room left under its limit.
 
-    ``rise_k``, ``headroom_k`` and ``spend`` tell the account what time it is. All other questions may be asked ahead of time:
-    they answer for ``now_ns`` and leave the account where it was.
+    ``rise_k``, ``headroom_k`` and ``spend`` set the account's time. All other questions may be asked ahead of time: they answer
+    for ``now_ns`` and leave the account where it was.
 
     A *pulse* below is any lump of ``energy_j``: a switch (0.18 J, the default) or a burst (``burst_energy_j``).
 
-    :param limit_k: largest rise allowed; 25 K is assumed, a setting.
-    :param rise_k: rise at ``at_ns``, for an account that goes on from an earlier one.
+    :param parameters: of the first-order thermal model (thesis 3.5.2); the published ones are the nominal actuator's.
+    :param limit_k: largest rise allowed (K), above 0; 25 K is assumed, a setting.
+    :param rise_k: rise at ``at_ns`` (K), for an account that goes on from an earlier one.
+    :param at_ns: when the account begins (ns).
     :raises InputError: ``limit_k`` not positive, or ``rise_k`` negative.
     """
 
@@ -49,18 +51,29 @@ class ThermalBudget:
         self._rise_k = in_range("rise_k", rise_k, 0.0, math.inf, "K")
 
     def rise_k(self, now_ns: int) -> float:
-        """Rise at ``now_ns``. A time before the latest one seen counts as a clock fault and cools nothing."""
+        """Rise now. A time before the latest one seen counts as a clock fault and cools nothing.
+
+        :param now_ns: the time now (ns).
+        :return: kelvin above the room.
+        """
         self._rise_k = self._look_ahead(now_ns)
         self.latest_ns = max(self.latest_ns, now_ns)
         return self._rise_k
 
     def headroom_k(self, now_ns: int) -> float:
-        """Rise that is left under the limit, 0 where it is used up."""
+        """Rise that is left under the limit.
+
+        :param now_ns: the time now (ns).
+        :return: kelvin, 0 where it is used up.
+        """
         return max(0.0, self.limit_k - self.rise_k(now_ns))
 
     def spend(self, energy_j: float, at_ns: int) -> float:
-        """Charge ``energy_j`` at ``at_ns``; the rise after it. Nothing is refused here: ``allows`` asks first.
+        """Charge energy. Nothing is refused here: ``allows`` asks first.
 
+        :param energy_j: what the actuator took (J), at least 0.
+        :param at_ns: when it is charged (ns).
+        :return: the rise after it (K).
         :raises InputError: ``energy_j`` negative or not finite; the account is then unchanged.
         """
         jump_k = pulse_rise_k(energy_j, self.parameters)
@@ -68,31 +81,65 @@ class ThermalBudget:
         return self._rise_k
 
     def raise_to(self, rise_k: float, now_ns: int) -> None:
-        """Learn of heat from elsewhere: the rise at ``now_ns`` is at least ``rise_k``. Never lowers the account.
+        """Learn of heat from elsewhere. Never lowers the account.
 
+        :param rise_k: what the rise is at least (K).
+        :param now_ns: the time now (ns).
         :raises InputError: ``rise_k`` negative or not finite.
         """
         self._rise_k = max(self.rise_k(now_ns), in_range("rise_k", rise_k, 0.0, math.inf, "K"))
 
     def allows(self, energy_j: float, now_ns: int, reserve_j: float = 0.0) -> bool:
-        """Whether ``energy_j`` may be spent at ``now_ns`` so that ``reserve_j`` could still be spent right after it."""
+        """Whether energy may be spent so that a reserve could still be spent right after it.
+
+        :param energy_j: what is to be spent (J), at least 0.
+        :param now_ns: when (ns).
+        :param reserve_j: what must fit in afterwards (J).
+        :return: whether both stay under the limit.
+        :raises InputError: the sum is negative or not finite.
+        """
         jump_k = pulse_rise_k(energy_j + reserve_j, self.parameters)
         return self._look_ahead(now_ns) + jump_k <= self.limit_k * (1 + GUARD)
 
     def allowed_now(self, now_ns: int, energy_j: float = PULSE_ENERGY_J) -> int:
-        """Pulses allowed at once: ``floor((limit - rise) / jump)``."""
+        """Pulses allowed at once: ``floor((limit - rise) / jump)``.
+
+        :param now_ns: when (ns).
+        :param energy_j: of one pulse (J), above 0.
+        :return: how many.
+        :raises InputError: ``energy_j`` not above 0.
+        """
         return allowed_now(self._look_ahead(now_ns), self._jump_k(energy_j), self.limit_k)
 
     def allowed_at(self, spacing_s: float, now_ns: int, energy_j: float = PULSE_ENERGY_J) -> int | None:
-        """Pulses allowed in a row, one now and one every ``spacing_s``; None: as many as one likes."""
+        """Pulses allowed in a row, one now and one every ``spacing_s``.
+
+        :param spacing_s: time between two pulses (s).
+        :param now_ns: when the first one is (ns).
+        :param energy_j: of one pulse (J), above 0.
+        :return: how many; None if there is no end.
+        :raises InputError: ``energy_j`` not above 0.
+        """
         return first_denied_index(self._jump_k(energy_j), spacing_s, self.limit_k, self._look_ahead(now_ns), self.parameters)
 
     def min_spacing_s(self, energy_j: float = PULSE_ENERGY_J) -> float:
-        """Least spacing that can be kept up for ever, ``-tau ln(1 - jump/limit)``; infinite if one pulse is too many."""
+        """Shortest spacing that can be sustained, ``-tau ln(1 - jump/limit)``.
+
+        :param energy_j: of one pulse (J), above 0.
+        :return: seconds; infinite if one pulse is too many.
+        :raises InputError: ``energy_j`` not above 0.
+        """
         return min_spacing_s(self._jump_k(energy_j), self.limit_k, self.parameters)
 
     def wait_s(self, count: int, now_ns: int, energy_j: float = PULSE_ENERGY_J) -> float:
-        """Time until ``count`` pulses are allowed at once, ``tau ln(rise / (limit - count jump))``; infinite if never."""
+        """Time until some pulses are allowed at once, ``tau ln(rise / (limit - count jump))``.
+
+        :param count: how many.
+        :param now_ns: from when (ns).
+        :param energy_j: of one pulse (J), above 0.
+        :return: seconds, 0 if they are allowed now; infinite if never.
+        :raises InputError: ``energy_j`` not above 0.
+        """
         return wait_s(self._look_ahead(now_ns), count, self._jump_k(energy_j), self.limit_k, self.parameters)
 
     def _look_ahead(self, now_ns: int) -> float:
@@ -103,5 +150,5 @@ class ThermalBudget:
 
     def _jump_k(self, energy_j: float) -> float:
         if energy_j <= 0:
-            raise InputError(f"energy_j = {energy_j:g} J is not allowed; allowed: more than 0 J")
+            raise InputError(f"energy_j = {energy_j:g} J; expected more than 0 J")
         return pulse_rise_k(energy_j, self.parameters)

@@ -45,15 +45,27 @@ def debug_print_between_frames(answer):
 @pytest.mark.parametrize(
     ("instead", "seen", "not_seen"),
     [
-        (lambda _: b"", ["the board fell silent for 4 s", "check cable and power"], ["bytes came"]),
-        (lambda _: b"dbg: loop 12 ms\r\n\0", ["bytes came, 0 whole frames", "dbg: loop 12 ms", "that is text"], ["fell silent"]),
-        (lambda _: b"\xfe\x81\x9a\0", ["bytes came, never a whole frame", "\\xfe\\x81\\x9a", "baud rate"], ["fell silent"]),
-        (lambda _: b"\xfe\x81", ["bytes came, never a whole frame", "\\xfe\\x81\\xfe\\x81"], ["fell silent"]),
-        (lambda _: frame(0x90, 1, bytes(7)), ["whole frames and 0 bad ones", "none of them an identity"], ["fell silent"]),
+        (lambda _: b"", ["no byte came from the board for 4 s", "check cable and power"], ["bytes came"]),
+        (
+            lambda _: b"dbg: loop 12 ms\r\n\0",
+            ["no valid frame for 4 s", "bytes came that form no frame", "dbg: loop 12 ms", "that is text"],
+            ["no byte"],
+        ),
+        (
+            lambda _: b"\xfe\x81\x9a\0",
+            ["no valid frame for 4 s", "bytes came that form no frame", "\\xfe\\x81\\x9a", "baud rate"],
+            ["no byte"],
+        ),
+        (lambda _: b"\xfe\x81", ["bytes came that form no frame", "\\xfe\\x81\\xfe\\x81"], ["no byte"]),
+        (
+            lambda _: frame(0x90, 1, bytes(7)),
+            ["no identity for 4 s", "valid frames, none an identity, and 0 damaged ones"],
+            ["no byte"],
+        ),
     ],
     ids=["nothing", "text", "noise", "noise without end", "frames of something else"],
 )
-def test_a_lost_board_is_told_from_one_that_says_something_else(ready, instead, seen, not_seen):
+def test_a_silent_board_is_not_taken_for_one_that_sends_something_else(ready, instead, seen, not_seen):
     session = ready.run(8000, instead)
     assert isinstance(session.error, LinkLost)
     assert all(text in str(session.error) for text in seen), str(session.error)

@@ -11,8 +11,8 @@ import pytest
 import serial
 
 from haptics.errors import InputError, LinkLost, PortBusy, PortMissing
-from haptics.link import list_ports, open_port
-from haptics.link.ports import SCHEMES, PortErrors
+from haptics.link import list_ports, open_port, ports
+from haptics.link.ports import SCHEMES, PortErrors, PortInfo
 
 
 def test_simulated_boards_and_instruments_are_listed():
@@ -34,6 +34,14 @@ def test_a_port_that_is_not_there():
     assert "sim://tactiles" in str(caught.value)
 
 
+def test_a_port_that_is_not_there_names_the_nearest_that_is(monkeypatch):
+    monkeypatch.setattr(ports, "list_ports", lambda: [PortInfo(url, "") for url in ("/dev/ttyUSB7", "/dev/ttyACM7")])
+    with pytest.raises(PortMissing) as caught:
+        open_port("/dev/ttyAMC7")
+    expected = "no such port; did you mean /dev/ttyACM7? ports found: /dev/ttyUSB7, /dev/ttyACM7"
+    assert str(caught.value) == f"/dev/ttyAMC7: open: {expected}"
+
+
 @pytest.mark.parametrize("url", ["", "   ", "carrier-pigeon://loft", "loop://?nonsense=1"])
 def test_what_is_no_port_is_refused_with_what_is_allowed(url):
     with pytest.raises((InputError, PortMissing)) as caught:
@@ -46,7 +54,7 @@ def test_what_is_no_port_is_refused_with_what_is_allowed(url):
 @pytest.mark.parametrize("scheme", ["spy", "SPY", "alt", "cp2110", "http", "file", "sim:spy", " sim", "SOCKET"])
 def test_kinds_that_are_not_documented_are_refused_before_anything_is_opened(scheme, monkeypatch):
     monkeypatch.setattr(serial, "serial_for_url", lambda *_, **__: pytest.fail("it was opened"))
-    with pytest.raises(InputError, match="allowed: sim://tactiles") as caught:
+    with pytest.raises(InputError, match="expected sim://tactiles") as caught:
         open_port(f"{scheme}:///dev/ttyACM0?file=victim")
     assert f"{scheme}://" in str(caught.value)
 
@@ -81,7 +89,7 @@ def test_what_is_no_text_that_can_be_read_is_no_port(url):
 def test_what_is_there_and_no_serial_port_is_called_so(tmp_path):
     file = tmp_path / "recording.h5"
     file.write_bytes(b"content")
-    with pytest.raises(PortMissing, match="there, but no serial port"):
+    with pytest.raises(PortMissing, match="not a serial port"):
         open_port(str(file))
     assert file.read_bytes() == b"content"
     with pytest.raises(PortMissing, match="is a folder"):
@@ -117,7 +125,7 @@ def test_a_port_open_elsewhere_names_who_has_it():
             open_port(path)
         if os.path.isdir("/proc/self/fd"):
             assert f"pid {os.getpid()}" in str(caught.value)
-            assert "this very program" in str(caught.value)
+            assert "this program" in str(caught.value)
     finally:
         first.close()
         os.close(ours)

@@ -3,33 +3,22 @@
 from __future__ import annotations
 
 import re
+import runpy
 
 import pytest
 from board_double import PROTOCOL_PAGE, SCHEMA_HASH, crc16_x25, frame, parse
 
 from haptics.link.framing import Deframer, encode_frame
 from haptics.link.messages import BY_NAME, MESSAGES, Fault, State, Status, decode, encode, payload_size, schema_hash
+from haptics.link.session import LinkSession
+from haptics.link_trial.examples import EXAMPLES
 
 PAGE = PROTOCOL_PAGE.read_text()
+TOOL = PROTOCOL_PAGE.parents[2] / "tools" / "protocol_page.py"
 GOLDEN = [
     (row[0].strip(), bytes.fromhex(row[1]), bytes.fromhex(row[2]), bytes.fromhex(row[3]))
     for row in (line.split("|") for line in re.search(r"```golden\n(.*?)```", PAGE, re.S).group(1).splitlines())
 ]
-VALUES = {
-    "sync": (7,),
-    "configure": ((200, 2000, 32, 4500, 2500),),
-    "arm": (0xC0FFEE01,),
-    "pulse": (0x01020304, 0b11, 0b01, (160, 120, *[0] * 13)),
-    "cancel": (0x7FFF,),
-    "drive": (2_000_000, 0b10, 1000, 300, 200),
-    "piezo": (2_000_000, 0b1, 50),
-    "identity": (1, 1, 15, 2_000_000, 0x89ABCDEF, 0xC0FFEE01, b"1.0.0\0\0\0", 100, (200, 2000, 32, 4500, 2500)),
-    "sync_reply": (7, 1000, 1100),
-    "reply": (Status.LATE, 0x01020384, 4),
-    "tactiles_telemetry": (4_000_000, State.ARMED, 0, (1, 2, *[0] * 13), (50, 1, *[0] * 13), 5000, 0, 1, 0, 0),
-    "brake_telemetry": (4_000_000, State.DRIVING, 0, (0, 1000, 0, 0, 0), (0, 1500, 0, 0, 0), (0, 12, 0, 0, 0), 1040, 90, 0, 0, 0),
-    "fault": (4_000_000, Fault.DEAD_MAN, 255, 101),
-}
 
 
 def test_check_value_of_the_crc():
@@ -40,14 +29,33 @@ def test_check_value_of_the_crc():
 def test_golden_frame(name, head, payload, wire):
     assert frame(head[0], head[1], payload) == wire
     assert parse(wire[:-1]) == (head[0], head[1], payload)
-    assert encode_frame(BY_NAME[name].type, head[1], encode(name, *VALUES.get(name, ()))) == wire
+    assert encode_frame(BY_NAME[name].type, head[1], encode(name, *EXAMPLES[name].values)) == wire
     assert Deframer().feed(wire) == [(head[0], head[1], payload)]
     values = tuple(decode(name, payload))
-    assert values == VALUES.get(name, ())
+    assert values == EXAMPLES[name].values
 
 
 def test_every_message_has_a_golden_frame():
-    assert [row[0] for row in GOLDEN] == [message.name for message in MESSAGES]
+    assert list(EXAMPLES) == [message.name for message in MESSAGES], "haptics/link_trial/examples.py has one of each message"
+    assert [row[0] for row in GOLDEN] == [message.name for message in MESSAGES], "run make protocol"
+
+
+def test_a_session_handles_all_that_a_board_sends():
+    """``LinkSession`` has a handler for each; a message without one would end the thread that reads the port."""
+    handled = set(LinkSession(None, "a port")._handlers)
+    assert handled == {message.type for message in MESSAGES if message.sender == "board"}
+
+
+def test_the_page_is_what_its_tool_writes():
+    assert runpy.run_path(str(TOOL))["up_to_date"](PAGE) == PAGE, "run make protocol"
+
+
+def test_the_tool_writes_the_row_and_the_frame_of_a_new_message():
+    """A message that the page lacks appears in both; all other lines stay."""
+    lines = PAGE.splitlines(keepends=True)
+    without = "".join(line for line in lines if not re.match(r"\| 0x11 \| cancel|cancel \| 11", line))
+    assert len(without) < len(PAGE)
+    assert runpy.run_path(str(TOOL))["up_to_date"](without) == PAGE
 
 
 def test_published_sizes_on_the_wire():

@@ -200,9 +200,9 @@ def test_connect_says_what_is_wrong():
         connect(VirtualRunner([link_to(DoublePort(board))]))
     board = BoardDouble()
     board.silent = True
-    with pytest.raises(NotABoard, match="not one byte"):
+    with pytest.raises(NotABoard, match="no byte came"):
         connect(VirtualRunner([link_to(DoublePort(board))]))
-    with pytest.raises(NotABoard, match="not one byte"):
+    with pytest.raises(NotABoard, match="no byte came"):
         connect(VirtualRunner([link_to(DoublePort(board))]), timeout_s=0.5)
 
 

@@ -15,14 +15,14 @@ from tcp_board import TcpBoard
 from firmware_models.cores.toolchain import lockstep_library
 from haptics.errors import InputError, LinkError
 from haptics.link.framing import encode_frame
-from haptics.link.messages import BY_NAME, Board
+from haptics.link.messages import Board
 from haptics.link.runner import connect
 from haptics.link_trial import raw_frames
 from haptics.link_trial.conformance import FAILED, NOT_APPLICABLE, OK, RULES, try_board, try_rule
+from haptics.link_trial.examples import EXAMPLES, example_frame
 from haptics.link_trial.monitor import Monitor, close, open_link
 from haptics.link_trial.raw_host import RawHost
 from haptics.link_trial.rules.rule import Rule
-from haptics.link_trial.rules.session import GOLDEN
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "reference" / "protocol.md"
 BACKENDS = [(board, core) for board in Board for core in ("py", "c", "avr")]
@@ -73,8 +73,7 @@ def test_the_golden_frames_are_those_of_the_page() -> None:
     assert block
     rows = [[part.strip() for part in line.split("|")] for line in block[1].strip().splitlines()]
     page = {name: bytes.fromhex(wire) for name, _, _, wire in rows}
-    hosts = {name: page[name] for name in page if BY_NAME[name].sender == "host"}
-    assert {name: bytes.fromhex(wire) for name, wire in GOLDEN.items()} == hosts
+    assert {name: example_frame(name) for name in EXAMPLES} == page
     for name, head, payload, _ in rows:
         type_, seq = bytes.fromhex(head)
         assert raw_frames.frame(type_, seq, bytes.fromhex(payload)) == page[name]

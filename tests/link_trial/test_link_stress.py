@@ -267,7 +267,7 @@ def test_the_command_prints_a_table_and_fails_where_a_promise_is_broken(monkeypa
     [
         (("sim://tactiles", 0, ""), "frames = 0"),
         (("sim://tactiles", 5, "drop=2"), "drop = 2"),
-        (("sim://tactiles?faults=drop=0", 5, "drop=0.1"), "names its own"),
+        (("sim://tactiles?faults=drop=0", 5, "drop=0.1"), "the port's URL names faults too"),
         (("sim://thermometer", 5, ""), "thermometer"),
     ],
 )

@@ -48,6 +48,22 @@ LINK = [
             "if False:",
         ),
         (
+            "schedules by a clock that it does not know",
+            "a touch lands seconds away from where it was meant",
+            "        if uncertain is not None:\n            raise",
+            "        if uncertain is not None and self.clock is None:\n            raise",
+        ),
+        (
+            "sends no keepalives",
+            "the board's dead-man fires in every pause",
+            "            self.counters.keepalives += 1\n            self._emit(_KEEPALIVE)",
+            "            self.counters.keepalives += 1",
+        ),
+    ),
+    *in_file(
+        "haptics/link/receiving.py",
+        _SESSION,
+        (
             "a reboot fails nothing that is open",
             "commands of before play on the new boot",
             'self._window.fail_all(LinkLost, f"the board rebooted',
@@ -89,23 +105,15 @@ LINK = [
             "different = handshake.different_limits(self.identity, self._configured_limits)",
             "different = None",
         ),
-        (
-            "schedules by a clock that it does not know",
-            "a touch lands seconds away from where it was meant",
-            "        if uncertain is not None:\n            raise",
-            "        if uncertain is not None and self.clock is None:\n            raise",
-        ),
+    ),
+    *in_file(
+        "haptics/link/state.py",
+        _SESSION,
         (
             "a lost port leaves the host believing in an armed board",
             "the script is told that all is well",
             "        self.phase, self.error = phase, error\n        self.armed = False",
             "        self.phase, self.error = phase, error",
-        ),
-        (
-            "sends no keepalives",
-            "the board's dead-man fires in every pause",
-            "            self.counters.keepalives += 1\n            self._emit(_KEEPALIVE)",
-            "            self.counters.keepalives += 1",
         ),
     ),
     *in_file(

@@ -14,8 +14,8 @@ SCHEDULING = [
         (
             "takes requests while unarmed",
             "what was asked before arming plays at arming",
-            '        if not self.armed:\n            outcomes.append(_denied(wish, "unarmed"))',
-            '        if self.armed is None:\n            outcomes.append(_denied(wish, "unarmed"))',
+            '        if not self.armed:\n            outcomes.append(entry.denied("unarmed"))',
+            '        if self.armed is None:\n            outcomes.append(entry.denied("unarmed"))',
         ),
         (
             "disarming leaves what waits",
@@ -74,7 +74,7 @@ SCHEDULING = [
         (
             "books no heat",
             "the account says 0 K while the coil burns",
-            "self.budgets[channel].spend(self._unit_energy_j(wish), end_ns)",
+            "self.budgets[channel].spend(self._unit_energy_j(entry), end_ns)",
             "self.budgets[channel].spend(0.0, end_ns)",
         ),
         (
@@ -93,8 +93,8 @@ SCHEDULING = [
         (
             "plays what is past its latest start",
             "a touch is felt long after it was meant",
-            "for channel in [channel for channel, wish in queue.items() if wish.latest_ns < at_ns]:",
-            "for channel in [channel for channel, wish in queue.items() if wish.latest_ns < 0]:",
+            "for channel in [channel for channel, entry in queue.items() if entry.latest_ns < at_ns]:",
+            "for channel in [channel for channel, entry in queue.items() if entry.latest_ns < 0]:",
         ),
         (
             "starts before the earliest start",

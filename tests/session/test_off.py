@@ -60,12 +60,12 @@ def test_a_named_board_that_is_off_gives_0(off):
     ("port", "said"),
     [
         (lambda: "/dev/does_not_exist", "no such port"),
-        (lambda: board(faults="drop=1"), "not one byte came back"),
-        (lambda: "loop://", "comes back as it is"),
-        (lambda: "spy:///dev/ttyACM0", "kind that is not opened"),
+        (lambda: board(faults="drop=1"), "no byte came back"),
+        (lambda: "loop://", "came back unchanged"),
+        (lambda: "spy:///dev/ttyACM0", "unknown kind spy://"),
         (lambda: "socket://127.0.0.1:1", "no such port"),
         (lambda: "sim://thermocouple", "no identity"),
-        (lambda: __file__, "no serial port"),
+        (lambda: __file__, "not a serial port"),
     ],
     ids=["missing", "silent", "loop", "not opened", "nobody listens", "not a board", "a file"],
 )

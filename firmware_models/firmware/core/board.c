@@ -30,11 +30,7 @@
 #error "the telemetry of both boards is filled in by the same code"
 #endif
 
-static const uint8_t common_sizes[] = {
-    [MESSAGE_IDENTIFY] = IDENTIFY_SIZE, [MESSAGE_SYNC] = SYNC_SIZE,   [MESSAGE_CONFIGURE] = CONFIGURE_SIZE,
-    [MESSAGE_ARM] = ARM_SIZE,           [MESSAGE_DISARM] = DISARM_SIZE, [MESSAGE_STOP] = STOP_SIZE,
-    [MESSAGE_KEEPALIVE] = KEEPALIVE_SIZE,
-};
+static const uint8_t common_sizes[] = COMMON_SIZES;
 
 static void send(struct board *b, uint8_t *frame, uint8_t type, uint8_t seq, uint8_t payload_size)
 {
@@ -275,7 +271,7 @@ static uint8_t size_of(const struct board *b, uint8_t type)
 {
     if (type >= MESSAGE_IDENTIFY && type < sizeof common_sizes)
         return common_sizes[type];
-    for (uint8_t i = 0; i < 2; i++) {
+    for (uint8_t i = 0; i < OWN_COMMANDS; i++) {
         if (b->kind->own[i].type == type)
             return b->kind->own[i].size;
     }

@@ -9,7 +9,7 @@
 #define NO_CHANNEL 255u
 #define FOREVER 0x7fffffffu /* ticks: nothing to wait for */
 
-/* A command that only one kind of board knows. */
+/* A command that only one kind of board knows; protocol.h has the list. */
 struct own_command {
     uint8_t type;
     uint8_t size; /* of its payload */
@@ -22,7 +22,7 @@ struct board_kind {
     uint8_t telemetry_size;
     uint8_t greater_is_stricter; /* bit i: of limits[i] the greater value is the stricter one */
     uint16_t limits[LIMITS];     /* as built, in the order of identity.limits */
-    struct own_command own[2];
+    struct own_command own[OWN_COMMANDS];
 
     /* Power-on: outputs off, queue empty. The common part is set up already, limits included. */
     void (*start)(struct board *b, const struct settings *settings);

@@ -95,7 +95,9 @@ static uint8_t command(struct board *b, uint8_t type, const uint8_t *payload, ui
         return STATUS_INTERLOCK;
     if (type == MESSAGE_DRIVE)
         return drive(brake_of(b), payload, detail);
-    return piezo(brake_of(b), payload, detail);
+    if (type == MESSAGE_PIEZO)
+        return piezo(brake_of(b), payload, detail);
+    return STATUS_UNKNOWN;
 }
 
 static uint8_t arm(struct board *b, uint32_t now, uint16_t *detail)
@@ -234,7 +236,7 @@ static const struct board_kind brake_kind = {
     .telemetry_size = BRAKE_TELEMETRY_SIZE,
     .greater_is_stricter = 0,
     .limits = {MAX_V, SUPPLY_CURRENT_UA, MAX_DHZ, LONGEST_TTL_MS, STORED_CHARGE_NC},
-    .own = {{MESSAGE_DRIVE, DRIVE_SIZE}, {MESSAGE_PIEZO, PIEZO_SIZE}},
+    .own = BRAKE_COMMANDS,
     .start = start,
     .arm = arm,
     .make_safe = make_safe,

@@ -59,6 +59,20 @@ enum { /* fault */
     FAULT_BROWN_OUT = 11,
 };
 
+/* what a host sends: payload sizes by type, from 1 on; the commands beyond those, {type, size} */
+#define COMMON_SIZES { \
+    [MESSAGE_IDENTIFY] = IDENTIFY_SIZE, \
+    [MESSAGE_SYNC] = SYNC_SIZE, \
+    [MESSAGE_CONFIGURE] = CONFIGURE_SIZE, \
+    [MESSAGE_ARM] = ARM_SIZE, \
+    [MESSAGE_DISARM] = DISARM_SIZE, \
+    [MESSAGE_STOP] = STOP_SIZE, \
+    [MESSAGE_KEEPALIVE] = KEEPALIVE_SIZE, \
+}
+#define OWN_COMMANDS 2u
+#define TACTILES_COMMANDS {{MESSAGE_PULSE, PULSE_SIZE}, {MESSAGE_CANCEL, CANCEL_SIZE}}
+#define BRAKE_COMMANDS {{MESSAGE_DRIVE, DRIVE_SIZE}, {MESSAGE_PIEZO, PIEZO_SIZE}}
+
 /* host: identify */
 #define MESSAGE_IDENTIFY 0x01u
 #define IDENTIFY_SIZE 0u

@@ -367,7 +367,9 @@ static uint8_t command(struct board *b, uint8_t type, const uint8_t *payload, ui
 {
     if (type == MESSAGE_PULSE)
         return pulse(coils_of(b), payload, detail);
-    return cancel(coils_of(b), get_u16(payload + AT_CANCEL_CHANNELS), detail);
+    if (type == MESSAGE_CANCEL)
+        return cancel(coils_of(b), get_u16(payload + AT_CANCEL_CHANNELS), detail);
+    return STATUS_UNKNOWN;
 }
 
 /* Nothing waits any more: what was charged for it is given back. */
@@ -599,7 +601,7 @@ static const struct board_kind tactiles_kind = {
     .telemetry_size = TACTILES_TELEMETRY_SIZE,
     .greater_is_stricter = 1u << 3,
     .limits = {LONGEST_PULSE, COIL_CURRENT_MA, PULSE_QUEUE, MIN_SUPPLY_MV, ON_TIME_MS},
-    .own = {{MESSAGE_PULSE, PULSE_SIZE}, {MESSAGE_CANCEL, CANCEL_SIZE}},
+    .own = TACTILES_COMMANDS,
     .start = start,
     .arm = arm,
     .make_safe = make_safe,

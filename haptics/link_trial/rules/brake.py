@@ -5,7 +5,7 @@ from __future__ import annotations
 from haptics.link.messages import BRAKE_CHANNELS, BY_NAME, State, Status, encode
 from haptics.link_trial.outputs import armed_brake, tick_after
 from haptics.link_trial.raw_frames import frame
-from haptics.link_trial.raw_host import NotApplicable, RawHost, need, told
+from haptics.link_trial.raw_host import NotApplicable, RawHost, need, reply_in_words
 from haptics.link_trial.rules.rule import BRAKES, Rules
 from haptics.link_trial.rules.schedule import in_time
 from haptics.time import NS_PER_MS
@@ -59,7 +59,7 @@ def _capacitance(host: RawHost) -> str:
         worst = max(worst, abs(found[channel] * 1e-12 / farad - 1))
         host.wait_out(35)
     need(any(found), "no output has a brake")
-    need(worst <= _CAPACITANCE_TOLERANCE, f"{found} pF, {worst:.1%} beside what the outputs' slope says")
+    need(worst <= _CAPACITANCE_TOLERANCE, f"{found} pF, {worst:.1%} away from what the outputs' slope shows")
     return f"{found} pF, within {worst:.1%}"
 
 
@@ -68,15 +68,15 @@ def _capacitance(host: RawHost) -> str:
 )
 def _self_test_volts(host: RawHost) -> str:
     host.expect("arm", host.ask("identify").boot_id)
-    greatest = 0.0
+    highest_v = 0.0
     for _ in range(150):
         host.live(0.1)
-        greatest = max(greatest, *(abs(volts) for volts in host.world.truth()["volts"]))
-    need(greatest <= _SELF_TEST_V * 1.1, f"{greatest:.1f} V")  # volts of the supply stray
-    need(greatest > 1, "no output was charged at all")
+        highest_v = max(highest_v, *(abs(volts) for volts in host.world.truth()["volts"]))
+    need(highest_v <= _SELF_TEST_V * 1.1, f"{highest_v:.1f} V")  # volts of the supply stray
+    need(highest_v > 1, "no output was charged at all")
     state = host.telemetry().state
     need(state == State.ARMED, f"{State(state).name.lower()} after it")
-    return f"{greatest:.1f} V at most"
+    return f"{highest_v:.1f} V at most"
 
 
 @RULES.rule("self-test.refuses", "While the self test runs, commands that would energise are interlock", BRAKES, arms=True)
@@ -115,7 +115,7 @@ def _arm_touchable(host: RawHost) -> str:
     replies = host.all("reply", mark)
     need(len(replies) == 2, f"stop and arm brought {len(replies)} replies")
     reply = replies[1].message
-    need((reply.status, reply.detail) == (Status.INTERLOCK, 0), f"arm at {volts:.0f} V was answered {told(reply)}")
+    need((reply.status, reply.detail) == (Status.INTERLOCK, 0), f"arm at {volts:.0f} V was answered {reply_in_words(reply)}")
     host.wait_out(30)
     host.arm()
     return f"refused at {volts:.0f} V, armed once empty"

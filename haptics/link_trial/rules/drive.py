@@ -80,7 +80,12 @@ def _unfitted(host: RawHost) -> str:
     return f"outputs {empty} refused"
 
 
-@RULES.rule("drive.first-reason", "What is wrong with a drive is looked for in the order of the page", BRAKES, arms=True)
+@RULES.rule(
+    "drive.first-reason",
+    "A drive is checked in the order of the protocol page, and the first thing wrong is the answer",
+    BRAKES,
+    arms=True,
+)
 def _drive_first_reason(host: RawHost) -> str:
     far = (host.tick() + 3 * TICK_HZ) % 2**32
     host.expect("drive", far, 0xFF, 65535, 0, 0, status=Status.INTERLOCK)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from haptics.link.messages import (
     BY_NAME,
+    BY_TYPE,
     MESSAGES,
     Status,
     payload_size,
 )
 from haptics.link_trial.raw_frames import checksum, frame, stuffed
-from haptics.link_trial.raw_host import RawHost, need, told
+from haptics.link_trial.raw_host import RawHost, need, reply_in_words
 from haptics.link_trial.rules.rule import Rules
 
 RULES = Rules()
@@ -18,16 +19,15 @@ RULES = Rules()
 @RULES.rule("unknown", "A message that the table lacks, or that is not for this board, is unknown")
 def _unknown(host: RawHost) -> str:
     mine = {message.type for message in MESSAGES if message.sender == "host" and host.board in message.boards}
-    others = [
-        type_ for type_ in (0x00, 0x08, 0x10, 0x11, 0x20, 0x21, 0x33, 0x7F, 0x81, 0x90, 0xA0, 0xA2, 0xFF) if type_ not in mine
-    ]
+    beside = {message.type + 1 for message in MESSAGES} - set(BY_TYPE)  # the first number behind each run
+    others = sorted({0x00, 0x33, 0x7F, 0xFF, *beside, *BY_TYPE} - mine)
     for type_ in others:
         for payload in (b"", bytes(range(1, 12)), bytes(64)):
             found = host.answers(frame(type_, 0, payload))
             need(len(found) == 1 and found[0].name == "reply", f"type {type_:#04x} brought {found}")
             need(
                 (found[0].message.status, found[0].message.detail) == (Status.UNKNOWN, 0),
-                f"{type_:#04x}: {told(found[0].message)}",
+                f"{type_:#04x}: {reply_in_words(found[0].message)}",
             )
     return f"{len(others)} types"
 
@@ -43,7 +43,10 @@ def _bad_length(host: RawHost) -> str:
             found = host.answers(frame(message.type, 0, bytes(length)))
             need(len(found) == 1 and found[0].name == "reply", f"{message.name} with {length} bytes brought {found}")
             reply = found[0].message
-            need((reply.status, reply.detail) == (Status.BAD_LENGTH, 0), f"{message.name} with {length} bytes: {told(reply)}")
+            need(
+                (reply.status, reply.detail) == (Status.BAD_LENGTH, 0),
+                f"{message.name} with {length} bytes: {reply_in_words(reply)}",
+            )
             tried += 1
     return f"{tried} frames"
 
@@ -70,30 +73,30 @@ def _ignored(host: RawHost, data: bytes, counted: int) -> str:
 _DISARM = bytes((BY_NAME["disarm"].type, 9))
 
 
-@RULES.rule("bad-frames.crc", "A wrong checksum is not answered, and counted")
+@RULES.rule("bad-frames.crc", "A frame with a wrong checksum is not answered, but counted")
 def _wrong_crc(host: RawHost) -> str:
     crc = checksum(_DISARM)
     wrong = (crc[::-1], bytes((crc[0] ^ 1, crc[1])), bytes((crc[0], crc[1] ^ 0x80)), bytes(byte ^ 0xFF for byte in crc))
     return _ignored(host, b"".join(stuffed(_DISARM + one) + b"\0" for one in wrong), len(wrong))
 
 
-@RULES.rule("bad-frames.zeros", "Zeros behind a frame do not pass as a frame")
+@RULES.rule("bad-frames.zeros", "Zeros appended to a frame make it invalid")
 def _appended_zeros(host: RawHost) -> str:
     whole = _DISARM + checksum(_DISARM)
     return _ignored(host, b"".join(stuffed(whole + bytes(count)) + b"\0" for count in (1, 2, 3)), 3)
 
 
-@RULES.rule("bad-frames.cobs", "What does not decode is not answered, and counted")
+@RULES.rule("bad-frames.cobs", "Bytes that are not COBS are not answered, but counted")
 def _bad_cobs(host: RawHost) -> str:
     return _ignored(host, b"\x09\x05\x03\x64\x43\0" + b"\x05\x05\x03\x64\0" + b"\x01\0", 3)
 
 
-@RULES.rule("bad-frames.truncated", "A frame cut short is over at the next delimiter")
+@RULES.rule("bad-frames.truncated", "A frame cut short ends at the next delimiter")
 def _truncated(host: RawHost) -> str:
     return _ignored(host, frame(BY_NAME["configure"].type, 9, bytes(range(1, 9)))[:7] + b"\0", 1)
 
 
-@RULES.rule("bad-frames.long", "What is too long counts once, however long, and is over at the next delimiter")
+@RULES.rule("bad-frames.long", "An overlong frame counts once, however long, and ends at the next delimiter")
 def _too_long(host: RawHost) -> str:
     body = bytes((0x33, 9)) + bytes(range(1, 66))
     long = stuffed(body + checksum(body)) + b"\0"
@@ -107,12 +110,12 @@ def _longest(host: RawHost) -> str:
     return "64 bytes of payload answered"
 
 
-@RULES.rule("bad-frames.idle", "Empty frames count as nothing")
+@RULES.rule("bad-frames.idle", "Empty frames are ignored")
 def _idle(host: RawHost) -> str:
     return _ignored(host, b"\0" * 20, 0)
 
 
-@RULES.rule("frames.whole", "All that a board sends is whole frames of its own messages")
+@RULES.rule("frames.whole", "A board sends only whole frames of its own messages")
 def _whole(host: RawHost) -> str:
     before = len(host.strange)
     host.ask("sync", 0)  # zeros in the answer too

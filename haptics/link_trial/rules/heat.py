@@ -6,7 +6,7 @@ from collections.abc import Callable
 from math import ceil, exp
 
 from haptics.link.messages import COIL_CHANNELS, HEAT_UNIT_MS, State, Status
-from haptics.link_trial.raw_host import TICKS_PER_MS, RawHost, need, told
+from haptics.link_trial.raw_host import TICKS_PER_MS, RawHost, need, reply_in_words
 from haptics.link_trial.rules.rule import COILS, Rules
 from haptics.time import NS_PER_MS
 
@@ -32,7 +32,7 @@ def _limited(host: RawHost, account_ms: int) -> None:
 def _pulse(host: RawHost, start: int, mask: int, duration: int = _LONGEST) -> tuple[int, int]:
     """Ask for a pulse; status and detail."""
     reply = host.ask("pulse", start % _WRAP, mask, 0, [duration] * COIL_CHANNELS)
-    need(reply.status in (Status.OK, Status.HOT), f"a pulse was answered {told(reply)}")
+    need(reply.status in (Status.OK, Status.HOT), f"a pulse was answered {reply_in_words(reply)}")
     return reply.status, reply.detail
 
 
@@ -60,7 +60,11 @@ def _heat(host: RawHost, channel: int = 0) -> int:
 
 
 @RULES.rule(
-    "heat.limit", "A coil that was on for its account is hot, detail its mask; others are not", COILS, arms=True, simulated=True
+    "heat.limit",
+    "A pulse is hot once its coil's account is full, detail its mask; other coils are not",
+    COILS,
+    arms=True,
+    simulated=True,
 )
 def _limit(host: RawHost) -> str:
     _limited(host, 100)
@@ -103,7 +107,7 @@ def _decay(host: RawHost) -> str:
 
 @RULES.rule(
     "heat.refund",
-    "What waits counts, and counts no more once it is forgotten, by cancel, disarm or stop; over and over it erases nothing",
+    "A waiting pulse counts until cancel, disarm or stop forgets it; doing so again and again erases no heat",
     COILS,
     arms=True,
     simulated=True,
@@ -152,24 +156,24 @@ def _outlives(host: RawHost) -> str:
     host.arm()
     _fill(host, 0b1, 5)
     before = _heat(host)
-    ways: dict[str, Callable[[], object]] = {
+    actions: dict[str, Callable[[], object]] = {
         "disarm": lambda: host.expect("disarm"),
         "stop": lambda: host.expect("stop"),
         "the dead-man": lambda: host.run(150),
         "a reset": lambda: (host.world.set_load(0, reset=1), host.run(10), host.meet()),
         "arm": lambda: None,
     }
-    for name, way in ways.items():
-        way()
+    for name, action in actions.items():
+        action()
         host.rest()
         host.arm()
         need(_heat(host) == before, f"{_heat(host)} times 20 ms after {name}; before it {before}")
-    return f"{HEAT_UNIT_MS * before} ms after {', '.join(ways)}"
+    return f"{HEAT_UNIT_MS * before} ms after {', '.join(actions)}"
 
 
 @RULES.rule(
     "heat.power",
-    "After a loss of power the accounts are the worst that is possible: full, or after little use 100 ms",
+    "After a loss of power the accounts begin at the worst case: full, or 100 ms after little use",
     COILS,
     arms=True,
     simulated=True,
@@ -204,7 +208,7 @@ def _power(host: RawHost) -> str:
 
 @RULES.rule(
     "heat.configured",
-    "A configured account binds at once, and no decay of the old one undoes it",
+    "A configured limit of the account binds at once, and decay of the old account does not undo it",
     COILS,
     arms=True,
     simulated=True,

@@ -74,10 +74,10 @@ def _time(host: RawHost) -> str:
     worst = 0
     for _ in range(5):
         before = host.tick()
-        told = host.telemetry(feed=False).time
+        sent = host.telemetry(feed=False).time
         after = host.tick()
-        need(signed_ticks(after, told) >= 0, f"tick {told} is {signed_ticks(told, after)} ticks ahead of the clock")
-        worst = max(worst, signed_ticks(before, told))
+        need(signed_ticks(after, sent) >= 0, f"tick {sent} is {signed_ticks(sent, after)} ticks ahead of the clock")
+        worst = max(worst, signed_ticks(before, sent))
     need(worst <= TICKS_PER_MS, f"{worst} ticks before the question ahead of it")
     return "between the questions around it"
 
@@ -99,7 +99,7 @@ def _timed(host: RawHost) -> tuple[str, tuple[Any, ...]]:
     return ("pulse", (1, 1, [20] * 15)) if host.board in COILS else ("piezo", (1, 5))
 
 
-@RULES.rule("telemetry.played", "Telemetry counts the pulses begun, a channel each", COILS, arms=True)
+@RULES.rule("telemetry.played", "Telemetry counts the pulses begun on each channel", COILS, arms=True)
 def _played(host: RawHost) -> str:
     host.arm()
     before = host.telemetry().played

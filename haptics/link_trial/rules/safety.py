@@ -53,7 +53,7 @@ def _disarmed_commands(host: RawHost) -> str:
     return "refused"
 
 
-@RULES.rule("configure.limits", "Limits as they are, are taken; a looser one is bad_value 0")
+@RULES.rule("configure.limits", "The board's own limits are accepted; a looser one is bad_value 0")
 def _configure(host: RawHost) -> str:
     limits = list(host.ask("identify").limits)
     host.expect("configure", limits)
@@ -65,12 +65,12 @@ def _configure(host: RawHost) -> str:
     return f"none of {limits} could be made looser"
 
 
-@RULES.rule("configure.stricter", "Stricter limits are taken, told by identity, and not to be undone", simulated=True)
+@RULES.rule("configure.stricter", "Stricter limits are accepted, appear in identity, and cannot be undone", simulated=True)
 def _stricter(host: RawHost) -> str:
     limits = host.ask("identify").limits
     stricter = [limit + 1 if (host.board, index) == (Board.TACTILES, 3) else limit - 1 for index, limit in enumerate(limits)]
     host.expect("configure", stricter)
-    need(list(host.ask("identify").limits) == stricter, f"identity tells {host.identity.limits}")
+    need(list(host.ask("identify").limits) == stricter, f"identity has {host.identity.limits}")
     host.expect("configure", limits, status=Status.BAD_VALUE)
     host.expect("disarm")
     need(list(host.ask("identify").limits) == stricter, "disarm undid them")
@@ -93,7 +93,7 @@ def _enforced(host: RawHost) -> str:
     return "one above it refused, it itself taken"
 
 
-@RULES.rule("configure.armed", "An armed board takes no limits", arms=True)
+@RULES.rule("configure.armed", "An armed board refuses limits", arms=True)
 def _configure_armed(host: RawHost) -> str:
     limits = host.identity.limits
     host.arm()
@@ -105,7 +105,7 @@ def _configure_armed(host: RawHost) -> str:
 
 
 def _make_safe(host: RawHost, how: str) -> str:
-    """Each way of making safe, with outputs on and others waiting: off at once, the queue empty, disarmed, and so it stays."""
+    """A command that makes safe, with outputs on and others waiting: off at once, queue empty, disarmed, and so it stays."""
     host.arm()
     energise(host)
     host.expect(how)
@@ -219,7 +219,7 @@ def _brown_out(host: RawHost) -> str:
 
 @RULES.rule(
     "supply.low",
-    "arm of a coil board whose supply is below its least is interlock, detail 1 << supply",
+    "arm of a coil board whose supply is below its minimum is interlock, detail 1 << supply",
     COILS,
     arms=True,
     simulated=True,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from haptics.link.clock import signed_ticks
 from haptics.link.messages import BY_NAME, COIL_CHANNELS, DURATION_UNIT_US, OPEN_COMMANDS, TICK_HZ, State, Status, encode
 from haptics.link_trial.raw_frames import frame
-from haptics.link_trial.raw_host import TICKS_PER_MS, Edge, NotApplicable, RawHost, need, told
+from haptics.link_trial.raw_host import TICKS_PER_MS, Edge, NotApplicable, RawHost, need, reply_in_words
 from haptics.link_trial.rules.rule import COILS, Rules
 from haptics.time import NS_PER_US
 
@@ -23,11 +23,13 @@ _LATE_TICKS = 32
 
 
 def in_time(seen: list[Edge], due: list[tuple[int, int, int]], early_ns: int = 0) -> str:
-    """Hold edges against those due, ``(time_ns, channel, drive)``; says by how much they came behind.
+    """Compare edges with those due.
 
-    :param early_ns: how much ahead they may come, where the time is not a tick of the host's own.
-
-    :raises Broken: one is missing, surplus, early, late or the wrong way round.
+    :param seen: edges of the board's outputs.
+    :param due: ``(time_ns, channel, drive)`` of each edge expected.
+    :param early_ns: how much too early they may come (ns), where the time is not a tick of the host's own.
+    :return: by how much they came behind, in words.
+    :raises Broken: an edge is missing, surplus, early, late or of the wrong sign.
     """
     worst_ns = 0
     for channel in sorted({edge.channel for edge in seen} | {channel for _, channel, _ in due}):
@@ -89,7 +91,7 @@ def _pulse_order(host: RawHost) -> str:
 
 @RULES.rule(
     "pulse.direction",
-    "A coil is driven toward the skin where its bit is set, and back where not",
+    "A coil is driven toward the skin where its bit is set, and back where it is not",
     COILS,
     arms=True,
     simulated=True,
@@ -223,7 +225,10 @@ def _values(host: RawHost) -> str:
 
 
 @RULES.rule(
-    "pulse.first-reason", "What is wrong is looked for in the order of the page, and the first is the answer", COILS, arms=True
+    "pulse.first-reason",
+    "A pulse is checked in the order of the protocol page, and the first thing wrong is the answer",
+    COILS,
+    arms=True,
 )
 def _first_reason(host: RawHost) -> str:
     far = (host.tick() + 3 * TICK_HZ) % _WRAP
@@ -253,7 +258,7 @@ def _whole(host: RawHost) -> str:
 
 
 @RULES.rule(
-    "cancel", "cancel forgets the pulses not yet begun on its coils, and says how many; those begun go on", COILS, arms=True
+    "cancel", "cancel forgets the pulses not yet begun on its coils, and replies how many; those begun go on", COILS, arms=True
 )
 def _cancel(host: RawHost) -> str:
     host.arm()
@@ -317,7 +322,7 @@ def _flood(host: RawHost) -> str:
             data += frame(BY_NAME["pulse"].type, numbers[-1], payload)
         found = host.answers(data, OPEN_COMMANDS)
         need([one.seq for one in found] == numbers, f"answered {[one.seq for one in found]}; sent {numbers}")
-        refused = [told(one.message) for one in found if one.message.status != Status.OK]
+        refused = [reply_in_words(one.message) for one in found if one.message.status != Status.OK]
         need(not refused, f"refused: {refused}")
         kept += len(found)
     host.wait_out(220)

@@ -7,6 +7,7 @@ from haptics.link.messages import (
     BRAKE_CHANNELS,
     BY_NAME,
     COIL_CHANNELS,
+    MESSAGES,
     PROTOCOL_VERSION,
     REMEMBERED_REPLIES,
     TICK_HZ,
@@ -15,33 +16,21 @@ from haptics.link.messages import (
     Status,
     schema_hash,
 )
+from haptics.link_trial.examples import EXAMPLES, example_frame
 from haptics.link_trial.raw_frames import frame
-from haptics.link_trial.raw_host import Heard, RawHost, need, told
+from haptics.link_trial.raw_host import Heard, RawHost, need, reply_in_words
 from haptics.link_trial.rules.rule import Rules
 from haptics.time import NS_PER_US
 
 RULES = Rules()
 
-GOLDEN = {  # the page's frames of a host, as they are on the wire
-    "identify": "02 01 03 9f 16 00",
-    "sync": "02 02 02 07 01 01 03 f8 a8 00",
-    "configure": "04 03 01 c8 04 d0 07 20 07 94 11 c4 09 77 ec 00",
-    "arm": "09 04 02 01 ee ff c0 66 cd 00",
-    "disarm": "05 05 03 64 43 00",
-    "stop": "05 06 04 b3 1d 00",
-    "keepalive": "02 07 03 4f 42 00",
-    "pulse": "08 10 05 04 03 02 01 03 02 01 03 a0 78 01 01 01 01 01 01 01 01 01 01 01 01 03 18 70 00",
-    "cancel": "07 11 06 ff 7f ad 81 00",
-    "drive": "06 20 07 80 84 1e 07 02 e8 03 2c 01 c8 03 0e 93 00",
-    "piezo": "06 21 08 80 84 1e 03 01 32 03 ba bf 00",
-}
 _BYTE_NS = 20 * NS_PER_US
 _STAMP_NS = 2 * NS_PER_US  # the jitter that hosts allow for
 _ASKED, _ANSWERED = 10, 18  # bytes of sync and sync_reply on the wire, where no byte is stuffed
 _NUMBER = 200  # of a command that stands for any
 
 
-@RULES.rule("identify.unasked", "A board that was not asked says nothing, but for its identity", simulated=True, met=False)
+@RULES.rule("identify.unasked", "Before identify, a board sends nothing but its identity", simulated=True, met=False)
 def _nothing_unasked(host: RawHost) -> str:
     host.run(150)
     names = {one.name for one in host.heard} - {"identity"}
@@ -67,7 +56,7 @@ def _identify_armed(host: RawHost) -> str:
     return "still armed"
 
 
-@RULES.rule("identity.fields", "identity tells version, board, channels, tick rate, dead-man time and limits of this protocol")
+@RULES.rule("identity.fields", "identity contains version, board, channels, tick rate, dead-man time and limits of this protocol")
 def _identity_fields(host: RawHost) -> str:
     identity = host.ask("identify")
     channels = COIL_CHANNELS if host.board == Board.TACTILES else BRAKE_CHANNELS
@@ -84,7 +73,7 @@ def _identity_schema(host: RawHost) -> str:
     return f"{found:08x}"
 
 
-@RULES.rule("identity.boot-id", "The boot id stays the same from one boot to the next")
+@RULES.rule("identity.boot-id", "The boot id does not change until the board reboots")
 def _boot_id(host: RawHost) -> str:
     first = host.identity.boot_id
     for _ in range(3):
@@ -94,20 +83,19 @@ def _boot_id(host: RawHost) -> str:
     return f"{first:08x}"
 
 
-@RULES.rule("frames.golden", "The frames of the protocol's page are understood byte for byte")
+@RULES.rule("frames.golden", "The golden frames of the protocol page are understood")
 def _golden(host: RawHost) -> str:
     before = host.telemetry().bad_frames
-    tried = [name for name in GOLDEN if host.board in BY_NAME[name].boards]
+    tried = [message.name for message in MESSAGES if message.sender == "host" and host.board in message.boards]
     if host.simulated is None:
         tried.remove("configure")  # its limits would last until the next boot
     for name in tried:
-        wire = bytes.fromhex(GOLDEN[name])
-        found = host.answers(wire, wait_ms=2 if name == "keepalive" else None)
+        seq = EXAMPLES[name].seq
+        found = host.answers(example_frame(name), wait_ms=2 if name == "keepalive" else None)
         if name == "keepalive":
             need(not found, "keepalive was answered")
             continue
         need(len(found) == 1, f"{name} brought {len(found)} answers")
-        seq = wire[2] if wire[0] > 2 else 0  # a run longer than the type alone begins with type and number
         need(found[0].seq == seq, f"{name} number {seq} was answered under {found[0].seq}")
         status = getattr(found[0].message, "status", Status.OK)
         need(status not in (Status.UNKNOWN, Status.BAD_LENGTH), f"{name} was answered {Status(status).name.lower()}")
@@ -167,7 +155,7 @@ def _reply_number(host: RawHost) -> str:
     return f"{len(numbers)} commands, {len(numbers)} replies"
 
 
-@RULES.rule("reply.time", "A reply tells the tick at which the command was dealt with")
+@RULES.rule("reply.time", "A reply carries the tick at which the command was dealt with")
 def _reply_time(host: RawHost) -> str:
     before = host.ask("sync", 1).sent
     reply = host.ask("disarm")
@@ -184,7 +172,7 @@ def _again(host: RawHost, seq: int, name: str = "disarm") -> Heard:
     return found[0]
 
 
-@RULES.rule("repeat.same", "A number that is kept gets the first reply again, whatever the frame says")
+@RULES.rule("repeat.same", "A number that is kept gets the first reply again, whatever the frame contains")
 def _repeat_same(host: RawHost) -> str:
     first = _again(host, _NUMBER).message
     need(_again(host, _NUMBER).message == first, "the same frame got another reply")
@@ -204,7 +192,7 @@ def _repeat_refusal(host: RawHost) -> str:
     found = host.answers(frame(0x33, _NUMBER))
     need(bool(found), "an unknown message was not answered")
     again = _again(host, _NUMBER).message
-    need(again == found[0].message, f"unknown, then {told(again)}")
+    need(again == found[0].message, f"unknown, then {reply_in_words(again)}")
     return "unknown twice"
 
 

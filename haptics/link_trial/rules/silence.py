@@ -1,4 +1,4 @@
-"""Rules of the dead-man and of what it latches: safe by itself, and not well again by itself."""
+"""Rules of the dead-man and of what it latches: a board makes itself safe, and stays so until it is disarmed."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ _UNKNOWN = frame(0x7E, 0)
 
 
 def _trip(host: RawHost, begin: Callable[[], None]) -> int:
-    """Fall silent once ``begin`` is done; ticks from the last frame until the board said dead_man."""
+    """Fall silent once ``begin`` is done; ticks from the last frame until the board reported dead_man."""
     begin()
     fed = host.ask("sync", 1).received
     mark = len(host.heard)
     host.run(130 if host.simulated is not None else 250)
     faults = [one.message for one in host.all("fault", mark)]
-    need(bool(faults), "no fault was told within 130 ms of silence")
+    need(bool(faults), "no fault was reported within 130 ms of silence")
     need(faults[0].code == Fault.DEAD_MAN and faults[0].channel == 255, f"fault {faults[0].code}, channel {faults[0].channel}")
     return signed_ticks(faults[0].time, fed)
 
@@ -52,7 +52,7 @@ def _dead_man_armed(host: RawHost) -> str:
     return _dead_man(host, host.arm)
 
 
-@RULES.rule("dead-man.energised", "So does one with outputs on and commands waiting", arms=True)
+@RULES.rule("dead-man.energised", "The same with outputs on and commands waiting", arms=True)
 def _dead_man_energised(host: RawHost) -> str:
     def begin() -> None:
         host.arm()
@@ -100,7 +100,7 @@ def _dead_man_disarmed(host: RawHost) -> str:
     return "disarmed, no fault, after 300 ms of silence"
 
 
-@RULES.rule("fault.arm", "While a fault is latched arm is interlock, and disarm clears what is gone", arms=True)
+@RULES.rule("fault.arm", "While a fault is latched arm is interlock, and disarm clears a fault whose cause is gone", arms=True)
 def _fault_arm(host: RawHost) -> str:
     _trip(host, host.arm)
     boot_id = host.ask("identify").boot_id
@@ -114,20 +114,20 @@ def _fault_arm(host: RawHost) -> str:
     return "interlock until disarm; armed again only when asked"
 
 
-@RULES.rule("fault.once", "A fault is told when it latches, and stays in telemetry until it is cleared", arms=True)
+@RULES.rule("fault.once", "A fault is reported when it latches, and stays in telemetry until it is cleared", arms=True)
 def _fault_once(host: RawHost) -> str:
     mark = len(host.heard)
     _trip(host, host.arm)
     host.wait_out(200)
     count = len(host.all("fault", mark))
-    need(count == 1, f"told {count} times")
+    need(count == 1, f"reported {count} times")
     need(host.telemetry().faults == _DEAD_MAN, "telemetry forgot it")
     host.expect("disarm")
     need(host.telemetry().faults == 0, "disarm did not clear it")
-    return "told once, kept until disarm"
+    return "reported once, kept until disarm"
 
 
-@RULES.rule("stop.fault", "stop works while a fault is latched, tells it, and does not clear it", arms=True)
+@RULES.rule("stop.fault", "stop works while a fault is latched, reports it, and does not clear it", arms=True)
 def _stop_fault(host: RawHost) -> str:
     _trip(host, host.arm)
     host.expect("stop", detail=_DEAD_MAN)
