@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import difflib
 import math
 import os
+from collections.abc import Sequence
 from numbers import Integral, Real
 from pathlib import Path
 
@@ -101,6 +103,17 @@ def one_of(name: str, value: object, allowed: tuple[str, ...] | list[str]) -> st
     if not isinstance(value, str) or value not in allowed:
         raise InputError(f"{name} = {brief(value)} is not allowed; allowed: {', '.join(allowed)}")
     return value
+
+
+def nearest(value: object, known: Sequence[str]) -> str:
+    """What a mistyped name may have been meant for, as the end of a message.
+
+    :param value: what was handed in.
+    :param known: the names that there are.
+    :return: such as ``; nearest: index_tip``, or nothing where none is near.
+    """
+    found = difflib.get_close_matches(value[:60], known, 1) if isinstance(value, str) else []
+    return f"; nearest: {found[0]}" if found else ""
 
 
 def brief(value: object) -> str:

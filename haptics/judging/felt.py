@@ -1,4 +1,4 @@
-"""What a recorded hand really did among the objects: the yardstick for what the loop made of it.
+"""What a recorded hand really did among the objects: the reference that the loop is judged by.
 
 The hand moves on a cubic through *all* its poses, future ones too, which the loop never sees. On that path a touch is the first
 moment at which a site's signed distance to an object reaches zero, and a grasp the geometric 5 mm condition, without any filter.
@@ -27,10 +27,11 @@ GRID_NS = NS_PER_MS
 class TrackTruth:
     """One track on its cubic.
 
-    :param time_ns: (t,), every millisecond. :param frame_ns: (f,), when the track's poses were sampled.
-    :param sites_m: (t, 15, 3).
-    :param distance_m: by object, (t, 15): signed distance of each site's sphere.
-    :param grasp_ns: moments at which a grasp really began, with the object.
+    :param time_ns: (t,), the grid, every millisecond.
+    :param frame_ns: (f,), when the track's poses were sampled.
+    :param sites_m: (t, 15, 3), metres, the sites' centres on the cubic.
+    :param distance_m: by object, (t, 15), metres: signed distance of each site's sphere; negative inside.
+    :param grasp_ns: moments (ns) at which a grasp really began, each with its object.
     """
 
     time_ns: np.ndarray
@@ -43,7 +44,12 @@ class TrackTruth:
 def track_truths(scene: Scene, sites: SiteMap, frames: Sequence[HandFrame], objects: Sequence[str]) -> list[TrackTruth]:
     """The truth of each track with at least four poses, in order.
 
-    :param frames: of one hand, in time order. :param objects: whose distances are wanted.
+    :param scene: placed, so that every object has a place in the world.
+    :param sites: where the hand's sites are.
+    :param frames: of one hand, in time order.
+    :param objects: names of the objects whose distances are wanted.
+    :return: one for each track of four poses or more; shorter ones have no cubic.
+    :raises InputError: an object that the scene does not have.
     """
     tracker = scene.grasp_tracker()
     grasped = {item.name for item in scene.objects if item.grasp is not None}

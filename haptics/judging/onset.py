@@ -34,7 +34,11 @@ TRUTH_STEP_NS = NS_PER_MS // 2
 class Touched:
     """A touch that happened.
 
-    :param approach_m_s: how fast the distance fell at that moment. :param depth_m: the deepest it got before it ended.
+    :param time_ns: when the distance crossed zero.
+    :param site: 0 to 14, the place in ``SITES``.
+    :param object: its name.
+    :param approach_m_s: speed at which the distance fell at that moment, m/s.
+    :param depth_m: the deepest it got before it ended, metres.
     :param counted: deep enough, and not at the track's edge; others only excuse those who acted for them.
     """
 
@@ -47,10 +51,13 @@ class Touched:
 
 
 def touches_on(time_ns: ArrayLike, distance_m: Floats, sites: Collection[int] | None = None, name: str = "") -> list[Touched]:
-    """Touches of one object in one track, in the order of site and time; one that is under way at the start is none.
+    """Touches of one object in one track, in the order of site and time; one that lasts from before the start is not among them.
 
     :param time_ns: (t,), of the whole track, close enough for a straight line between (1 ms or less).
-    :param distance_m: (t, n), signed distance of each site's sphere on the true path. :param sites: those wanted; default all.
+    :param distance_m: (t, n), metres, signed distance of each site's sphere on the true path.
+    :param sites: columns that are wanted; None: all.
+    :param name: the object's, passed on to each touch.
+    :return: all touches, those that do not count included.
     """
     times = np.asarray(time_ns, dtype=np.int64)
     wanted = range(distance_m.shape[1]) if sites is None else sorted(sites)
@@ -70,7 +77,13 @@ def _touches(times: NDArray[np.int64], distance: Floats, site: int, name: str) -
 
 
 def match(acted_ns: Sequence[int], touched_ns: Sequence[int], within_ns: int = MATCH_NS) -> list[int | None]:
-    """For each touch the place of the act that is its own, or ``None``: one to one, nearest pairs first."""
+    """Pair touches with acts one to one, nearest pairs first.
+
+    :param acted_ns: when the device acted.
+    :param touched_ns: when the hand touched.
+    :param within_ns: a pair farther apart than this is none; default 100 ms.
+    :return: for each touch the index in ``acted_ns`` of its own act, or None where it was missed.
+    """
     pairs = sorted(
         (abs(acted - touched), t, a)
         for t, touched in enumerate(touched_ns)
@@ -91,8 +104,13 @@ def held_acts(
 ) -> list[list[int]]:
     """*Hold*, the rule without prediction: for each site when its device acts if a pose inside the object is what starts it.
 
-    :param time_ns: (f,), of the frames. :param distance_m: (f, n), signed distance of each site's sphere at each frame.
+    :param time_ns: (f,), of the frames.
+    :param distance_m: (f, n), metres, signed distance of each site's sphere at each frame.
+    :param latency_ns: from the sampling of a frame to its arrival.
+    :param tick_ns: length of a tick; an act is sent at the first tick after the arrival.
+    :param lead_ns: from sending the command until the device has acted.
     :param release_m: a touch ends at a frame farther off than this.
+    :return: for each of the n sites the moments (ns) at which its device acts.
     """
     acts: list[list[int]] = [[] for _ in range(distance_m.shape[1])]
     tick_ends = [-(-(int(time) + latency_ns) // tick_ns) * tick_ns for time in np.asarray(time_ns)]
@@ -107,15 +125,18 @@ def held_acts(
 
 @dataclass
 class Onsets:
-    """Errors gathered, site by site and object by object; ``hold`` gathers those of acting on the last pose, beside them."""
+    """Errors gathered, site by site and object by object; ``hold`` gathers those of acting on the last pose, beside them.
+
+    :param error_ms: acted - touched of each counted touch, ms; infinite where it was missed.
+    :param approach_m_s: approach speed of each counted touch, m/s, in the same order.
+    :param false: acts with no touch within 50 ms.
+    :param shallow: acts for a touch that did not get 1 mm deep.
+    """
 
     error_ms: list[float] = field(default_factory=list)
-    """acted - touched of each counted touch; infinite where it was missed."""
     approach_m_s: list[float] = field(default_factory=list)
     false: int = 0
-    """Acted, and no touch within 50 ms."""
     shallow: int = 0
-    """Acted for a touch that did not get 1 mm deep."""
     _hold: Onsets | None = None
 
     @property
@@ -126,10 +147,12 @@ class Onsets:
         return self._hold
 
     def add(self, touched: Sequence[Touched], acted_ns: Sequence[int], judged_ns: tuple[int, int] | None = None) -> None:
-        """Match what was touched with what was done for it.
+        """Match touches with acts, and gather the errors.
 
-        :param touched: of one site, counted or not. :param acted_ns: of its device.
-        :param judged_ns: acts before or after are not called false: what they were for may lie beyond the track.
+        :param touched: of one site with one object, counted or not.
+        :param acted_ns: when its device acted for that object.
+        :param judged_ns: first and last moment; acts outside are not called false, as what they were for may lie beyond the
+            track. None: all are judged.
         """
         counted = [touch for touch in touched if touch.counted]
         partner = match(acted_ns, [touch.time_ns for touch in counted])
@@ -144,7 +167,10 @@ class Onsets:
             self.shallow += bool(near) and all(touch.depth_m < DEEP_M for touch in near)
 
     def merge(self, other: Onsets) -> None:
-        """Take in another's."""
+        """Add another's errors to these.
+
+        :param other: stays as it is.
+        """
         self.error_ms += other.error_ms
         self.approach_m_s += other.approach_m_s
         self.false += other.false
@@ -155,10 +181,19 @@ class Onsets:
 
 @dataclass(frozen=True, slots=True)
 class OnsetStatistics:
-    """Of n counted touches; milliseconds. ``None`` where there is nothing to tell, or the touch at that place was missed.
+    """Statistics of counted touches. None where no touch was counted, or where the touch at that place was missed.
 
-    ``in_window`` is a share of 1. ``false`` and ``shallow`` are of all acts, whatever the speed. ``median_mm`` is the median of
-    ``|error| * approach speed``.
+    ``false`` and ``shallow`` count all acts, whatever the speed.
+
+    :param n: counted touches.
+    :param signed_median: median error of the touches that were met, ms; negative: early.
+    :param median: median ``|error|``, ms; a missed touch counts as infinite.
+    :param p95: 95th percentile of ``|error|``, ms, likewise.
+    :param in_window: share, 0 to 1, with an error from -15 to +50 ms.
+    :param missed: touches that no act matched.
+    :param false: acts with no touch within 50 ms.
+    :param shallow: acts for touches less than 1 mm deep.
+    :param median_mm: median of ``|error| * approach speed``, mm.
     """
 
     n: int
@@ -172,12 +207,21 @@ class OnsetStatistics:
     median_mm: float | None
 
     def to_json(self) -> dict[str, Any]:
-        """By name."""
+        """By name.
+
+        :return: every field by its name.
+        """
         return {name: getattr(self, name) for name in self.__slots__}
 
 
 def statistics_of(onsets: Onsets, from_m_s: float = 0.0, to_m_s: float = np.inf) -> OnsetStatistics:
-    """Of the touches with an approach speed in ``[from_m_s, to_m_s)``."""
+    """Statistics of the touches with an approach speed in ``[from_m_s, to_m_s)``.
+
+    :param onsets: errors as gathered.
+    :param from_m_s: lowest approach speed, m/s.
+    :param to_m_s: the speed below which touches are taken, m/s; default no bound.
+    :return: errors in milliseconds.
+    """
     approach = np.array(onsets.approach_m_s)
     chosen = (approach >= from_m_s) & (approach < to_m_s)
     error, approach = np.array(onsets.error_ms)[chosen], approach[chosen]
@@ -198,7 +242,12 @@ def statistics_of(onsets: Onsets, from_m_s: float = 0.0, to_m_s: float = np.inf)
 
 
 def onset_statistics(onsets: Onsets) -> dict[str, Any]:
-    """All touches; ``fast`` those at 100 mm/s or more; ``by_speed``; and the same of ``hold`` within each."""
+    """Statistics of all touches, of fast ones (100 mm/s or more), and by approach speed, each with those of ``hold``.
+
+    :param onsets: errors as gathered, ``hold`` beside them.
+    :return: plain data for JSON: the fields of ``OnsetStatistics`` and ``hold``, then ``fast`` with the same, and ``by_speed``, a
+        list of the same with ``from_m_s`` and ``to_m_s`` (None: no bound).
+    """
     return {
         **_beside_hold(onsets, 0.0, np.inf),
         "fast": _beside_hold(onsets, FAST_M_S, np.inf),

@@ -1,7 +1,7 @@
 """Onset error over recorded hands and objects at random places: the decider as shipped, at 1 kHz, in virtual time.
 
-Each hand's fingertips meet spheres, boxes and capsules strewn over the space they sweep. Truth is the cubic through all frames;
-the decider sees a frame only when its latency has passed, and a device acts ``lead_ns`` after it is told.
+Each hand's fingertips meet spheres, boxes and capsules spread over the space they sweep. Truth is the cubic through all frames;
+the decider sees a frame only when its latency has passed, and a device acts ``lead_ns`` after its command.
 """
 
 from __future__ import annotations
@@ -30,7 +30,12 @@ MARGIN_M = 0.03
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SitePath:
-    """A hand's sites over time: (f,) frames, (f, n, 3) metres, and the (n,) radii of their spheres."""
+    """A hand's sites over time.
+
+    :param time_ns: (f,), when the frames were sampled.
+    :param position_m: (f, n, 3), the sites' centres, metres.
+    :param radius_m: (n,), radii of the sites' spheres, metres.
+    """
 
     time_ns: NDArray[np.int64]
     position_m: Floats
@@ -38,13 +43,24 @@ class SitePath:
 
     @classmethod
     def of(cls, track: HandTrack) -> SitePath:
-        """Of a recorded hand, all fifteen sites."""
+        """The path of a recorded hand's fifteen sites.
+
+        :param track: one hand without bad poses.
+        :return: its sites by the nominal map.
+        """
         sites = nominal_sites()
         return cls(track.time_ns, sites.positions(track.position_m, track.orientation_xyzw), sites.radius_m)
 
 
 def random_bodies(path: SitePath, count: int, rng: np.random.Generator, judged: Sequence[int] = TIPS) -> list[Placed]:
-    """Objects of 20 to 120 mm, evenly over the box that the judged sites sweep."""
+    """Objects of 20 to 120 mm, spread evenly over the box that the judged sites sweep, 30 mm wider on each side.
+
+    :param path: the hand.
+    :param count: how many objects.
+    :param rng: source of shapes and places.
+    :param judged: indices of the sites that sweep the box; default the five fingertips.
+    :return: spheres, boxes and capsules with equal chance.
+    """
     swept = path.position_m[:, list(judged)].reshape(-1, 3)
     low, high = swept.min(axis=0) - MARGIN_M, swept.max(axis=0) + MARGIN_M
     return [_body(low, high, rng) for _ in range(count)]
@@ -52,8 +68,8 @@ def random_bodies(path: SitePath, count: int, rng: np.random.Generator, judged: 
 
 def _body(low: Floats, high: Floats, rng: np.random.Generator) -> Placed:
     turn = rng.normal(size=4)
-    place, way = rng.uniform(low, high), turn / np.linalg.norm(turn)
-    pose = Pose(tuple(place.tolist()), tuple(way.tolist()))
+    place, orientation = rng.uniform(low, high), turn / np.linalg.norm(turn)
+    pose = Pose(tuple(place.tolist()), tuple(orientation.tolist()))
     kind = rng.integers(3)
     if kind == 0:
         return Placed(Sphere(rng.uniform(0.015, 0.060)), pose)
@@ -74,7 +90,15 @@ def onset_experiment(
 ) -> dict[int, Onsets]:
     """Onsets by latency, *hold* beside them; the same for the same arguments.
 
-    :param objects: strewn for each path. :param judged: the sites whose touches count.
+    :param paths: hands, each with objects of its own.
+    :param latencies_ns: from the sampling of a frame to its arrival; each is one experiment.
+    :param objects: spread for each path.
+    :param seed: of shapes and places.
+    :param lead_ns: from sending a command until the device has acted; default a pin's 6 ms.
+    :param judged: indices of the sites whose touches count; default the five fingertips.
+    :param decision: constants of the decision; None: as shipped.
+    :param prediction: constants of the prediction; None: as shipped.
+    :return: the errors by latency (ns).
     """
     found = {latency: Onsets() for latency in latencies_ns}
     for number, path in enumerate(paths):

@@ -28,12 +28,15 @@ def onset_study(
     seed: int,
     side: str = "auto",
 ) -> list[dict[str, Any]]:
-    """A row for each latency: the statistics of the decider, ``hold`` beside them, over all tracks of all hands.
+    """The onset error of the decider over all tracks of all hands, with that of ``hold`` beside it.
 
-    :param hands: recordings or shipped names; with no folder either, the shipped hand.
-    :param folder: all files in it with one of ``SUFFIXES`` besides.
+    :param hands: recordings or shipped names; where there is no folder either, the shipped hand.
+    :param folder: all files in it with one of ``SUFFIXES`` are added; None: no folder.
+    :param objects: spread for each track, 1 to 2000.
+    :param latencies_s: from the sampling of a frame to its arrival, 0 to 0.1 s each.
+    :param seed: of the objects' shapes and places.
     :param side: of the hands to take, ``left`` or ``right``; ``auto`` is both.
-    :param objects: strewn for each track, 1 to 2000.
+    :return: a row for each latency: ``latency_ms``, and the keys of ``onset_statistics``.
     :raises InputError: a hand, folder or number that cannot be used, or no track long enough.
     """
     in_range("objects", objects, 1, 2000)
@@ -43,7 +46,7 @@ def onset_study(
     if folder is not None:
         found += sorted(str(path) for pattern in SUFFIXES for path in folder.glob(f"*{pattern}"))
         if not found:
-            raise InputError(f"folder {folder} holds no *{', *'.join(SUFFIXES)}; allowed: a folder of recorded hands")
+            raise InputError(f"folder {folder} holds no *{', *'.join(SUFFIXES)}; expected a folder of recorded hands")
     recordings = [load_hand(hand) for hand in found or ["synthetic"]]
     sides = SIDES if one_of("side", side, ("auto", *SIDES)) == "auto" else (side,)
     tracks = [accepted(track) for recording in recordings for track in recording.tracks if track.side in sides]

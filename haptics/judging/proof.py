@@ -23,7 +23,15 @@ LET_GO_NS = 2 * NS_PER_MS
 
 @dataclass(frozen=True, slots=True)
 class ProofRow:
-    """One observable: how many were compared, the worst difference, what the plan allows, and whether it kept to it."""
+    """One observable of a plan, compared.
+
+    :param observable: its name, such as ``arrival time``.
+    :param unit: of ``worst`` and ``limit``.
+    :param n: how many values were compared.
+    :param worst: the largest difference between planned and reference run.
+    :param limit: the largest difference that the plan allows.
+    :param kept: whether ``worst`` is within ``limit``.
+    """
 
     observable: str
     unit: str
@@ -35,7 +43,15 @@ class ProofRow:
 
 @dataclass(frozen=True, slots=True)
 class Proof:
-    """What the planned run did otherwise than the all-reference run, and the CPU time of either."""
+    """How the planned run differs from the all-reference run, and the CPU time of either.
+
+    :param scene, hand: names of what was played.
+    :param tolerance: error allowed, as a share of what is just noticed.
+    :param levels: the plan: the level of each model, by the model's name.
+    :param rows: one for each observable that a run had.
+    :param planned_cpu_s: CPU time of the planned run, s.
+    :param reference_cpu_s: CPU time of the all-reference run, s.
+    """
 
     scene: str
     hand: str
@@ -53,10 +69,11 @@ class Proof:
 
 @dataclass(frozen=True, slots=True)
 class Played:
-    """What is compared of a run.
+    """What of a run is compared.
 
-    ``admissions``: (site, kind, played, reason) of every request to the tactors, or None if the run had none. ``brakes``: name
-    and drive voltage (V) of each brake output, or None if the run had none.
+    :param truth: what its plants did.
+    :param admissions: (site, kind, played, reason) of every request to the tactors, or None if the run had none.
+    :param brakes: name and drive voltage (V) of each brake output, or None if the run had none.
     """
 
     truth: Truth
@@ -65,9 +82,12 @@ class Played:
 
 
 def compare(planned: Played, reference: Played, tolerance: float) -> tuple[ProofRow, ...]:
-    """Every observable that either run has, the worst difference of the two, and whether it is within ``tolerance``.
+    """Hold every observable that either run has against the plan's tolerance.
 
+    :param planned: the run with the plan's levels.
+    :param reference: the same hand with every model at its reference.
     :param tolerance: error allowed, as a share of what is just noticed.
+    :return: a row for each observable with at least one value.
     """
     rows = [*_pins(planned, reference), *_brakes(planned, reference)]
     return tuple(

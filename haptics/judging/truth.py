@@ -1,4 +1,4 @@
-"""What the simulated plants did, whatever was asked of them: what everything felt is judged by."""
+"""What the simulated plants did, whatever was commanded: the reference for all that was felt."""
 
 from __future__ import annotations
 
@@ -12,10 +12,18 @@ from haptics.link.messages import BRAKE_CHANNELS, COIL_CHANNELS
 
 @dataclass
 class Truth:
-    """What the simulated plants did, gathered while the session runs.
+    """What the simulated plants did, gathered while the session runs. Peaks are of the samples.
 
-    ``pins`` and ``brakes``: (time_ns, channel, kind) of what happened, such as ``reached_skin`` or ``half_capacity``;
-    ``pin_speeds_m_s`` goes with ``pins``. ``forces_n``: (time_ns, capacity of each output), as sampled. Peaks are of the samples.
+    :param pins: (time_ns, channel, kind) of what a pin did, such as ``reached_skin``.
+    :param pin_speeds_m_s: the pin's speed at each entry of ``pins``, m/s.
+    :param brakes: (time_ns, channel, kind) of what a brake did, such as ``half_capacity``.
+    :param forces_n: (time_ns, blocking force of each output, N), as sampled.
+    :param latched: final state of each tactor, ``on`` or ``off``, by channel.
+    :param peak_rise_k: (coil channels,), highest temperature rise, K.
+    :param peak_volts: (brake channels,), highest voltage, V.
+    :param peak_force_n: (brake channels,), highest blocking force, N.
+    :param energy_j: (brake channels,), energy drawn, J.
+    :param switches: (coil channels,), how often each coil was switched.
     """
 
     pins: list[tuple[int, int, str]] = field(default_factory=list)

@@ -1,6 +1,6 @@
-"""Meshes that people drew elsewhere: read, their units and axes questioned, mended with a note, and where they are open.
+"""Meshes drawn in other programs: reading them, guessing wrong units and axes, repairing them with a note, finding holes.
 
-What rooms that take meshes share; each then asks of a mesh what it needs itself.
+Shared by all rooms that take meshes; what else a mesh must be, each of them checks itself.
 """
 
 from haptics.meshes.cleaning import cleaned

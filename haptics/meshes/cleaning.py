@@ -1,4 +1,4 @@
-"""What programs leave in meshes that does not belong to the surface, taken away; each mending is said in words, with its count.
+"""Remove what drawing programs leave in meshes beside the surface; each repair is noted in words, with its count.
 
 A mesh that needs nothing keeps its arrays as they are.
 """
@@ -23,7 +23,7 @@ WELD_EDGES = 0.1
 
 
 def cleaned(vertices: Floats, triangles: Ints, min_area: float) -> tuple[Floats, Ints, list[str]]:
-    """The surface without copied and unused vertices, triangles without area and those given twice, all facing one way.
+    """The surface without copied and unused vertices, triangles without area and those given twice, all facing the same side.
 
     :param vertices: ``(v, 3)``, finite. :param triangles: ``(t, 3)``, of these vertices.
     :param min_area: a triangle below it, in the square of the vertices' unit, has none.
@@ -104,7 +104,7 @@ def _corners_apart(triangles: Ints) -> Bools:
 def _without_flat(vertices: Floats, triangles: Ints, tolerance: float, min_area: float) -> tuple[Ints, int]:
     """The triangles without those that are flat, and how many these were.
 
-    Flat ones with a side that is next to nothing shrink to an edge, and so does what lies across that side.
+    Flat ones with a side shorter than the tolerance shrink to an edge, and so does what lies across that side.
     """
     flat = _flat(vertices, triangles, min_area)
     if not flat.any():

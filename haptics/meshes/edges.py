@@ -12,12 +12,20 @@ Bools = NDArray[np.bool_]
 
 
 def half_edges(triangles: Ints) -> Ints:
-    """The three sides of each triangle in its direction, ``(3 t, 2)``: all first sides, then all second, then all third."""
+    """The three sides of each triangle in its direction: all first sides, then all second, then all third.
+
+    :param triangles: ``(t, 3)``, vertex indices.
+    :return: ``(3 t, 2)``, vertex indices.
+    """
     return np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
 
 
 def open_edges(triangles: Ints) -> Ints:
-    """Edges of one triangle only, in that triangle's direction, ``(edges, 2)``."""
+    """Edges of one triangle only, in that triangle's direction.
+
+    :param triangles: ``(t, 3)``, vertex indices.
+    :return: ``(edges, 2)``, vertex indices; empty where the surface is closed.
+    """
     half = half_edges(triangles)
     _, inverse, count = np.unique(np.sort(half, axis=1), axis=0, return_inverse=True, return_counts=True)
     return half[count[inverse.ravel()] == 1]
@@ -27,7 +35,8 @@ def open_edges(triangles: Ints) -> Ints:
 class Neighbours:
     """Pairs of triangles that share an edge with no third, ``(pairs,)`` each.
 
-    :param alike: the two run along the edge in opposite directions, so that they face the same way.
+    :param one, other: indices of the two triangles.
+    :param alike: the two run along the edge in opposite directions, so that they face the same side.
     """
 
     one: Ints
@@ -36,6 +45,11 @@ class Neighbours:
 
 
 def neighbours(triangles: Ints) -> Neighbours:
+    """Find the pairs of triangles that share an edge with no third.
+
+    :param triangles: ``(t, 3)``, vertex indices.
+    :return: the pairs; an edge of three triangles or more gives none.
+    """
     half = half_edges(triangles)
     key = np.sort(half, axis=1)
     order = np.lexsort((key[:, 1], key[:, 0]))

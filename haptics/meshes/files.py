@@ -1,4 +1,4 @@
-"""Triangles out of a mesh file: positions and faces only, in the file's own units and axes."""
+"""Triangles of a mesh file: positions and faces only, in the file's own units and axes."""
 
 from __future__ import annotations
 
@@ -25,47 +25,53 @@ _OTHERS = {b"ply": ".ply", b"solid": ".stl", b"glTF": ".glb"}
 
 
 def read_triangles(path: Path) -> tuple[Floats, Ints]:
-    """Vertices, ``(v, 3)``, and triangles, ``(t, 3)``, of an OBJ, PLY or STL file (text or binary).
+    """Read an OBJ, PLY or STL file (text or binary).
 
-    Polygons are cut into fans. Corners that an STL file repeats in each triangle are one vertex each.
+    Polygons are cut into fans. Corners that an STL file repeats in each triangle become one vertex each.
 
+    :param path: its suffix decides how it is read.
+    :return: vertices, ``(v, 3)``, in the file's unit and axes, and triangles, ``(t, 3)``.
     :raises InputError: no such file, another format, unreadable, or as ``check_arrays``. Messages give the line of an OBJ file.
     """
     path = Path(path)
     kind = path.suffix.lower()
     if kind not in FORMATS:
-        raise InputError(
-            f"mesh {path} is of type {path.suffix or '(none)'}; allowed: {', '.join(FORMATS)}; export it as one of them"
-        )
+        raise InputError(f"mesh {path} is of type {path.suffix or '(none)'}; export it as one of: {', '.join(FORMATS)}")
     try:
         if not path.exists():
             raise InputError(f"mesh {path} is not a file: it does not exist")
         if not path.is_file():
-            raise InputError(f"mesh {path} is not a file; allowed: a mesh as {', '.join(FORMATS)}")
+            raise InputError(f"mesh {path} is not a file; expected a mesh as {', '.join(FORMATS)}")
         if path.stat().st_size == 0:
-            raise InputError(f"mesh {path} is empty; allowed: a mesh as {', '.join(FORMATS)}")
+            raise InputError(f"mesh {path} is empty; expected a mesh as {', '.join(FORMATS)}")
         vertices, triangles = _read(path)
     except OSError as error:
         raise InputError(f"mesh {path} cannot be read: {error.strerror or error}") from error
     if not len(triangles) and len(vertices):
-        raise InputError(f"mesh {path} has no triangles, only {len(vertices)} points; allowed: a surface of faces")
+        raise InputError(f"mesh {path} has no triangles, only {len(vertices)} points; export its surface with faces")
     if not len(triangles):
-        raise InputError(f"mesh {path} has no triangles{_what_it_is(path)}; allowed: a whole file of its kind")
+        raise InputError(f"mesh {path} has no triangles{_what_it_is(path)}; expected a whole file of its kind")
     check_arrays(f"mesh {path}", vertices, triangles)
     return vertices, triangles
 
 
 def check_arrays(name: str, vertices: Floats, triangles: Ints) -> None:
-    """:raises InputError: wrong shapes, no triangle or too many, a coordinate that is not finite, a vertex that is not there."""
+    """Check that arrays are a mesh.
+
+    :param name: what messages call the mesh.
+    :param vertices: ``(v, 3)``, finite.
+    :param triangles: ``(t, 3)``, indices of vertices, 1 to ``LARGEST_TRIANGLES`` of them.
+    :raises InputError: wrong shapes, no triangle or too many, a coordinate that is not finite, a vertex that is not there.
+    """
     shapes = vertices.shape, triangles.shape
     if vertices.ndim != 2 or vertices.shape[1:] != (3,) or triangles.ndim != 2 or triangles.shape[1:] != (3,) or not shapes[1][0]:
         raise InputError(
-            f"{name} has no triangles: vertices {shapes[0]}, faces {shapes[1]}; allowed: (v, 3) and (f, 3), f at least 1"
+            f"{name} has no triangles: vertices {shapes[0]}, faces {shapes[1]}; expected (v, 3) and (f, 3), f at least 1"
         )
     _check_number(name, len(triangles))
     broken = np.flatnonzero(~np.isfinite(vertices).all(axis=1))
     if broken.size:
-        raise InputError(f"{name}: vertex {broken[0]} is {vertices[broken[0]].tolist()}; allowed: finite coordinates")
+        raise InputError(f"{name}: vertex {broken[0]} is {vertices[broken[0]].tolist()}; expected finite coordinates")
     outside = np.flatnonzero(((triangles < 0) | (triangles >= len(vertices))).any(axis=1))
     if outside.size:
         raise InputError(

@@ -1,4 +1,4 @@
-"""Which unit and which axis up lay drawn points onto a surface that they were drawn around."""
+"""The unit and the axis up that fit drawn points to the surface that they were drawn around."""
 
 from __future__ import annotations
 
@@ -20,9 +20,12 @@ _SHARE = 0.98
 
 @dataclass(frozen=True)
 class Fit:
-    """How points are taken, and how far from the surface most of them are then.
+    """How points are interpreted, and how far from the surface most of them are then.
 
-    :param quarter_turns: about the vertical.
+    :param unit: one of ``UNITS``.
+    :param up: which axis of the file points up.
+    :param quarter_turns: about the vertical, 0 to 3.
+    :param distance_m: 98 % of the points are this near to the surface, or nearer, metres.
     """
 
     unit: str
@@ -38,9 +41,14 @@ def best_fit(
     ups: Iterable[str] = AXES,
     turns: Iterable[int] = (0, 1, 2, 3),
 ) -> Fit:
-    """The nearest of all these ways to take the points, for a surface that is z up; the first of equals.
+    """The nearest of all these interpretations of the points, for a surface that is z up; the first of equals.
 
-    :param points: as in the file, ``(n, 3)``. :param surface_m: points of the surface, close to each other, ``(m, 3)``.
+    :param points: as in the file, ``(n, 3)``.
+    :param surface_m: points of the surface, close to each other, ``(m, 3)``, metres.
+    :param units: candidates, names in ``UNITS``.
+    :param ups: candidates for the axis that points up, of ``AXES``.
+    :param turns: candidates for the quarter turns about the vertical.
+    :return: the interpretation with the smallest distance.
     """
     from scipy.spatial import KDTree
 

@@ -1,4 +1,4 @@
-"""Triangles without area, taken out of a surface so that it stays as closed as it was."""
+"""Remove triangles without area from a surface without opening it."""
 
 from __future__ import annotations
 
@@ -19,6 +19,11 @@ def unfolded(vertices: Floats, triangles: Ints, flat: NDArray[np.bool_]) -> Ints
     A flat triangle whose middle corner lies on its longest side joins the triangle beyond that side to two others; with it
     gone, they would part. So the triangle beyond is cut in two at the middle corner. Where the longest side has two triangles
     without it, or another side has none, nothing parts.
+
+    :param vertices: ``(v, 3)``.
+    :param triangles: ``(t, 3)``, vertex indices.
+    :param flat: ``(t,)``, which triangles have no area.
+    :return: ``(k, 3)``, the others, some of them cut in two.
     """
     faces = dict(enumerate(triangles.tolist()))
     wanted = {_key(a, b) for a, b in half_edges(triangles[flat]).tolist() if a != b}

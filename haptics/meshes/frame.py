@@ -1,4 +1,4 @@
-"""A mesh's units and axes: how to bring them to ours, and whether its size says that they were others."""
+"""A mesh's units and axes: how to bring them to ours, and whether its size suggests others."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ UNITS = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.304
 WORDS = {"m": "metres", "dm": "decimetres", "cm": "centimetres", "mm": "millimetres", "in": "inches", "ft": "feet"}
 AXES = ("x", "y", "z")
 _RARER = {"m": 0.0, "dm": 0.8, "cm": 0.0, "mm": 0.0, "in": 0.3, "ft": 0.8}
-"""How much worse, in decades of size, a unit that few programs draw in must not be to be named all the same. Assumed."""
+"""Handicap, in decades of size, of units that few programs draw in. Assumed."""
 _NEARLY = 0.3
-"""A unit that is worse by no more decades is named, too. Assumed."""
+"""A second unit is named if it is worse by at most so many decades. Assumed."""
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class Kind:
     """What a mesh is drawn as.
 
     :param what: in words, with an article.
-    :param smallest_m, largest_m: what its largest side can be; assumed.
+    :param smallest_m, largest_m: range of its longest side, metres; assumed.
     :param usual_m: what it is most often; decides between units.
     :param cure: how a user names a unit, with ``{unit}`` and ``{scale}`` where they go.
     """
@@ -37,7 +37,11 @@ class Kind:
     cure: str
 
     def has(self, extent_m: float) -> bool:
-        """Whether anything of the kind can be so large."""
+        """Whether anything of the kind can be that long.
+
+        :param extent_m: longest side, metres.
+        :return: whether it is within ``smallest_m`` to ``largest_m``.
+        """
         return self.smallest_m <= extent_m <= self.largest_m
 
 
@@ -59,7 +63,10 @@ class SizeFault:
 def size_fault(vertices: Floats, kind: Kind, scale: float = 1.0) -> SizeFault | None:
     """What is wrong with a mesh's size, if anything: its largest side, in metres, is not in the kind's range.
 
-    :param vertices: ``(v, 3)`` as in the file. :param scale: metres that a unit of it is taken for.
+    :param vertices: ``(v, 3)`` as in the file.
+    :param kind: what it is drawn as.
+    :param scale: metres per unit of the file.
+    :return: the fault with a likely cure, or None.
     """
     extent = extent_of(vertices)
     if kind.has(extent * scale):
@@ -69,20 +76,34 @@ def size_fault(vertices: Floats, kind: Kind, scale: float = 1.0) -> SizeFault | 
 
 
 def other_unit(vertices: Floats, kind: Kind) -> str:
-    """Of a size that its kind can have in metres, but has more often in another unit: whether it is that; else empty."""
+    """Whether a mesh whose size is possible in metres is more often of that size in another unit.
+
+    :param vertices: ``(v, 3)``, as in the file.
+    :param kind: what it is drawn as.
+    :return: the question to the user, with the cure; empty where metres are likely.
+    """
     extent = extent_of(vertices)
     likely = likely_units(extent, kind)
     return "" if "m" in likely else _question(extent, kind, likely)
 
 
 def extent_of(vertices: Floats) -> float:
-    """The largest side, in the file's unit; infinite where it is beyond computing."""
+    """The longest side of the box around a mesh.
+
+    :param vertices: ``(v, 3)``.
+    :return: in the vertices' unit; infinite where it is beyond computing.
+    """
     with np.errstate(over="ignore"):
         return float(np.ptp(vertices, axis=0).max())
 
 
 def likely_units(extent: float, kind: Kind) -> list[str]:
-    """The units that make a usual size of an extent, the likeliest first and then what is nearly as likely."""
+    """The units in which an extent is of a usual size, the likeliest first, then those nearly as likely.
+
+    :param extent: longest side, in the file's unit.
+    :param kind: what it is drawn as.
+    :return: names in ``UNITS``; empty where no unit gives a possible size.
+    """
     worse = {
         unit: abs(math.log10(extent * metres / kind.usual_m)) + _RARER[unit]
         for unit, metres in UNITS.items()
@@ -112,9 +133,16 @@ _TURNS = {
 
 
 def in_frame(vertices: Floats, scale: float = 1.0, up: str = "z", to: str = "z", quarter_turns: int = 0) -> Floats:
-    """The vertices in metres with the axis ``up`` of the file turned to our ``to``, then about it by quarters, ``(v, 3)``.
+    """The vertices in metres, with the axis ``up`` of the file turned to our ``to``, then turned about it by quarters.
 
     Nothing is rounded but by ``scale``: turned coordinates are the file's, exchanged.
+
+    :param vertices: ``(v, 3)``, as in the file.
+    :param scale: metres per unit of the file.
+    :param up: axis of the file that points up, ``x``, ``y`` or ``z``.
+    :param to: our axis that points up, ``y`` or ``z``.
+    :param quarter_turns: about ``to``, right-handed; any whole number.
+    :return: ``(v, 3)``.
     """
     turned = np.stack([sign * vertices[:, axis] for axis, sign in _TURNS[up, to]], axis=1) if up != to else vertices
     vertical = AXES.index(to)

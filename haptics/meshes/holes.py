@@ -15,7 +15,11 @@ _NAMED = 3
 
 
 def holes(triangles: Ints) -> list[Ints]:
-    """The open edges round each hole, ``(edges, 2)``, in their triangles' direction; the hole of most edges first."""
+    """The open edges round each hole, the hole with the most edges first.
+
+    :param triangles: ``(t, 3)``, vertex indices.
+    :return: for each hole ``(edges, 2)``, vertex indices, in their triangles' direction; empty where the surface is closed.
+    """
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
@@ -31,14 +35,25 @@ def holes(triangles: Ints) -> list[Ints]:
 
 
 def holes_in_words(vertices: Floats, found: list[Ints]) -> str:
-    """How many there are, with edges and place of the first."""
+    """Count the holes and name the largest by their place.
+
+    :param vertices: ``(v, 3)``.
+    :param found: as ``holes`` returns them.
+    :return: such as ``2 holes (4 edges about (0, 0, 1); 3 edges about (0, 1, 0))``; three are named at most.
+    """
     named = [f"{len(rim)} edges about {place(vertices[np.unique(rim)].mean(axis=0))}" for rim in found[:_NAMED]]
     more = f" and {len(found) - _NAMED} more" if len(found) > _NAMED else ""
     return f"{len(found)} hole{'s' * (len(found) > 1)} ({'; '.join(named)}{more})"
 
 
 def capped(vertices: Floats, triangles: Ints, found: list[Ints]) -> tuple[Floats, Ints]:
-    """The surface with a fan of triangles from the middle of each hole to its rim."""
+    """Close holes by a fan of triangles from the middle of each to its rim.
+
+    :param vertices: ``(v, 3)``.
+    :param triangles: ``(t, 3)``, vertex indices.
+    :param found: the holes to close, as ``holes`` returns them.
+    :return: vertices with one more for each hole, and triangles with the fans' at the end.
+    """
     middles = [vertices[np.unique(rim)].mean(axis=0) for rim in found]
     fans = [
         np.column_stack([rim[:, ::-1], np.full(len(rim), len(vertices) + number)]) for number, rim in enumerate(found)
@@ -47,4 +62,9 @@ def capped(vertices: Floats, triangles: Ints, found: list[Ints]) -> tuple[Floats
 
 
 def place(point: Floats) -> str:
+    """A point in words.
+
+    :param point: ``(3,)``.
+    :return: ``(x, y, z)`` with four digits each.
+    """
     return "(" + ", ".join(f"{value:.4g}" for value in point) + ")"

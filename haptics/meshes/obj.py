@@ -1,4 +1,4 @@
-"""Triangles out of an OBJ file. Groups, materials and textures do not part the mesh: here they do not matter."""
+"""Triangles of an OBJ file. Groups, materials and textures are ignored: they do not divide the mesh."""
 
 from __future__ import annotations
 
@@ -17,10 +17,13 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 
-def read_obj(path: Path, most: int) -> tuple[Floats, Ints, int]:
-    """Vertices, ``(v, 3)``, triangles, ``(t, 3)``, and how many triangles the file has: those above ``most`` are only counted.
+def read_obj(path: Path, max_triangles: int) -> tuple[Floats, Ints, int]:
+    """Read an OBJ file's vertices and faces; polygons are cut into fans.
 
-    :raises InputError: with the line that is not understood.
+    :param path: the file.
+    :param max_triangles: triangles above this number are only counted.
+    :return: vertices, ``(v, 3)``, triangles, ``(t, 3)``, and how many triangles the file has.
+    :raises InputError: a line that is not understood, or a face with a vertex that is not there; with the line.
     """
     vertices, fans, lines, count = array("d"), array("q"), array("q"), 0
     for number, line in _lines(path):
@@ -33,7 +36,7 @@ def read_obj(path: Path, most: int) -> tuple[Floats, Ints, int]:
                 vertices.extend(place)
             elif words[:1] == ["f"]:
                 count += len(words) - 3
-                if count > most:
+                if count > max_triangles:
                     continue
                 corners = [int(word.split("/")[0]) for word in words[1:]]
                 if len(corners) < 3 or 0 in corners:
@@ -45,7 +48,7 @@ def read_obj(path: Path, most: int) -> tuple[Floats, Ints, int]:
                     fans.extend((first, second, third))
                     lines.append(number)
         except (ValueError, OverflowError) as error:
-            raise InputError(f"{path}, line {number}: {line.strip()[:200]!r}; allowed: {_allowed(words)}") from error
+            raise InputError(f"{path}, line {number}: {line.strip()[:200]!r}; expected {_expected(words)}") from error
     found = np.array(vertices).reshape(-1, 3), np.array(fans, np.int64).reshape(-1, 3)
     outside = np.flatnonzero(((found[1] < 0) | (found[1] >= len(found[0]))).any(axis=1))
     if outside.size:
@@ -76,7 +79,7 @@ def _lines(path: Path) -> Iterator[tuple[int, str]]:
             joined = ""
 
 
-def _allowed(words: list[str]) -> str:
+def _expected(words: list[str]) -> str:
     if words[0] == "f":
         return "f and at least three vertex numbers, from 1"
     if any("," in word for word in words):

@@ -1,4 +1,4 @@
-"""Triangles turned to face one way, and outward where a surface is closed."""
+"""Triangles turned to face the same side, and outward where a surface is closed."""
 
 from __future__ import annotations
 
@@ -16,10 +16,13 @@ MAX_PIECES = 10_000
 
 
 def consistent(triangles: Ints) -> tuple[Ints, int]:
-    """The triangles with neighbours facing the same way, and how many were turned: in each piece the fewer.
+    """The triangles with neighbours facing the same side; in each piece the fewer are turned.
 
     Each triangle has two states, as it is and turned; an edge joins the states that agree across it, so that a piece falls into
     two halves, one the other's reverse. A one-sided piece (a Möbius band) does not, and is left as it is.
+
+    :param triangles: ``(t, 3)``, vertex indices.
+    :return: the triangles, ``(t, 3)``, and how many were turned.
     """
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
@@ -41,10 +44,14 @@ def consistent(triangles: Ints) -> tuple[Ints, int]:
 
 
 def outward(vertices: Floats, triangles: Ints) -> tuple[Ints, int]:
-    """A closed surface facing outward, and how many triangles were turned.
+    """Turn a closed surface to face outward.
 
     A piece that is inside out is turned with all that lies within it; what lies within others is otherwise left as it is, since
     a cavity faces its middle.
+
+    :param vertices: ``(v, 3)``.
+    :param triangles: ``(t, 3)``, vertex indices, of a closed surface with neighbours that agree.
+    :return: the triangles, ``(t, 3)``, and how many were turned.
     """
     corners = vertices[triangles]
     volume = np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2]))
@@ -59,7 +66,11 @@ def outward(vertices: Floats, triangles: Ints) -> tuple[Ints, int]:
 
 
 def pieces_of(triangles: Ints) -> tuple[int, Ints]:
-    """How many pieces hang together by edges, and which of them each triangle is in, ``(t,)``."""
+    """Separate a surface into pieces that hang together by edges.
+
+    :param triangles: ``(t, 3)``, vertex indices.
+    :return: how many pieces there are, and the piece of each triangle, ``(t,)``, from 0.
+    """
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 

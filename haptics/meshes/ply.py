@@ -1,4 +1,4 @@
-"""Polygons out of a PLY file, text or binary, with faces of any number of corners."""
+"""Polygons of a PLY file, text or binary, with faces of any number of corners."""
 
 from __future__ import annotations
 
@@ -41,10 +41,13 @@ class _Element:
     properties: list[_Property] = field(default_factory=list)
 
 
-def read_ply(content: bytes, most: int) -> tuple[NDArray[np.float64], list[list[int]], int]:
-    """Vertices, ``(v, 3)``, the corners of each face, and how many faces the file has: of more than ``most`` none is read.
+def read_ply(content: bytes, max_faces: int) -> tuple[NDArray[np.float64], list[list[int]], int]:
+    """Read a PLY file's vertices and faces.
 
-    :raises ValueError: no PLY file, cut short, or without places; the message says what is wrong.
+    :param content: the whole file.
+    :param max_faces: of a file with more faces than this nothing is read.
+    :return: vertices, ``(v, 3)``, the corners of each face (vertex indices), and how many faces the file has.
+    :raises ValueError: not a PLY file, cut short, or without coordinates; the message names what is wrong.
     """
     if not content.startswith(b"ply"):
         return np.empty((0, 3)), [], 0
@@ -53,11 +56,11 @@ def read_ply(content: bytes, most: int) -> tuple[NDArray[np.float64], list[list[
     if not mark:
         raise ValueError("it is cut short: its header has no end")
     body = body[body.find(b"\n") + 1 :]
-    fewest = sum(element.count for element in elements)  # bytes: nothing is smaller than one
-    if fewest > len(body):
-        raise ValueError(f"it is cut short: {len(body)} bytes after its header, which names {fewest} elements")
+    min_bytes = sum(element.count for element in elements)  # nothing is smaller than one byte
+    if min_bytes > len(body):
+        raise ValueError(f"it is cut short: {len(body)} bytes after its header, which names {min_bytes} elements")
     faces = sum(element.count for element in elements if element.name == "face")
-    if faces > most:
+    if faces > max_faces:
         return np.empty((0, 3)), [], faces
     try:
         found = _text(elements, body) if not order else _binary(elements, body, order)
@@ -90,7 +93,7 @@ def _header(text: str) -> tuple[str, list[_Element]]:
             elif words[:1] == ["property"]:
                 elements[-1].properties.append(_Property(words[2], _TYPES[words[1]]))
         except (KeyError, IndexError, ValueError) as error:
-            raise ValueError(f"line {number}: {line.strip()[:80]!r} is nothing that a header has") from error
+            raise ValueError(f"line {number}: {line.strip()[:80]!r} does not belong in a header") from error
     if order is None:
         raise ValueError("its header names no format")
     return order, elements

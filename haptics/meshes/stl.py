@@ -1,4 +1,4 @@
-"""Corners out of an STL file, text (of one solid or several) or binary."""
+"""Corners of an STL file, text (of one solid or several) or binary."""
 
 from __future__ import annotations
 
@@ -12,21 +12,24 @@ _HEAD = 84
 _CORNER = re.compile(rb"^\s*vertex[ \t]+(\S+)[ \t]+(\S+)[ \t]+(\S+)\s", re.IGNORECASE | re.MULTILINE)
 
 
-def read_stl(content: bytes, most: int) -> tuple[NDArray[np.float64], int]:
-    """The corners of each triangle, ``(t, 3, 3)``, and how many the file has: of more than ``most`` none is read.
+def read_stl(content: bytes, max_triangles: int) -> tuple[NDArray[np.float64], int]:
+    """Read an STL file's triangles.
 
     A binary file may begin as a text does, so that its length decides; it may end a few bytes after the last triangle.
 
-    :raises ValueError: neither kind, cut short, or a corner that is no three numbers; the message says what is wrong.
+    :param content: the whole file.
+    :param max_triangles: of a file with more triangles than this none is read.
+    :return: the corners of each triangle, ``(t, 3, 3)``, and how many triangles the file has.
+    :raises ValueError: neither kind, cut short, or a corner that is not three numbers; the message names what is wrong.
     """
     if len(content) >= _HEAD:
         counted = int.from_bytes(content[_HEAD - 4 : _HEAD], "little")
         held = (len(content) - _HEAD) // _FACET.itemsize
         if counted == held:
-            facets = np.frombuffer(content, _FACET, counted if counted <= most else 0, _HEAD)
+            facets = np.frombuffer(content, _FACET, counted if counted <= max_triangles else 0, _HEAD)
             return facets["corners"].astype(np.float64), counted
         if b"\0" in content[:_HEAD]:
-            raise ValueError(f"it is cut short, or no STL: it counts {counted} triangles and has room for {held}")
+            raise ValueError(f"it is cut short, or not STL: it counts {counted} triangles and has room for {held}")
     if not re.match(rb"\s*solid\b", content, re.IGNORECASE):
         return np.empty((0, 3, 3)), 0
     begun, ended, named = (
@@ -35,7 +38,7 @@ def read_stl(content: bytes, most: int) -> tuple[NDArray[np.float64], int]:
     )
     if begun != ended or named != 3 * begun or not re.search(rb"\bendsolid\b[^\n]*\s*$", content, re.IGNORECASE):
         raise ValueError(f"it is cut short: {begun} facets begin, {ended} end, {named} corners")
-    if begun > most:
+    if begun > max_triangles:
         return np.empty((0, 3, 3)), begun
     corners = _CORNER.findall(content)
     if len(corners) != named:

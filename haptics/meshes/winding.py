@@ -14,7 +14,12 @@ Floats = NDArray[np.float64]
 
 
 def winding_number(points: Floats, corners: Floats) -> Floats:
-    """The winding number of triangles, ``(t, 3, 3)``, around each point, ``(n, 3)``: ``(n,)``."""
+    """How often a surface winds around each point.
+
+    :param points: ``(n, 3)``.
+    :param corners: ``(t, 3, 3)``, the triangles' corners, in the points' unit.
+    :return: ``(n,)``; 1 inside a closed surface that faces outward, 0 outside it.
+    """
     a, b, c = (corners[None, :, k, :] - points[:, None, :] for k in range(3))
     la, lb, lc = (np.sqrt(np.einsum("nfi,nfi->nf", v, v)) for v in (a, b, c))
     triple = np.einsum("nfi,nfi->nf", a, np.cross(b, c))

@@ -1,4 +1,4 @@
-"""When to act for a touch that has not happened yet: early when sure, late when not.
+"""When to act for a touch that has not happened yet: early when it is certain, late when it is not.
 
 A person accepts a touch from 15 ms before to 50 ms after the eye sees it (Di Luca and Mahnan 2019, by its abstract), so acting
 early on a guess costs more than acting late. With the forecast distance ``d(h)`` of a site to an object and its standard
@@ -58,9 +58,11 @@ class DecisionParameters:
 
 @dataclass(frozen=True, slots=True)
 class Decided:
-    """Something to do now.
+    """A touch that begins or ends now.
 
-    :param begins: a touch begins, else it ends.
+    :param site: index of the site.
+    :param object: index of the object.
+    :param begins: whether the touch begins; else it ends.
     :param aimed_ns: when the device is to have acted.
     """
 
@@ -76,7 +78,11 @@ def touch_ahead(
     """The rule: how far ahead each of m pairs is to be touched, (m,), seconds; NaN where that is to be left to a later frame.
 
     :param ahead_s: (k,), a grid of ``STEP_S``, from the earliest moment at which the device could have acted.
-    :param distance_m: (m, k) forecast. :param deviation_m: (m, k). :param now_m: (m,), distance at the frame itself.
+    :param distance_m: (m, k), metres, the forecast distances.
+    :param deviation_m: (m, k), metres, their standard deviations.
+    :param now_m: (m,), metres, distance at the frame itself.
+    :param parameters: constants of the rule.
+    :return: (m,), seconds after the frame.
     """
     p = parameters
     window = round(p.early_s / STEP_S)
@@ -108,10 +114,14 @@ class TouchDecider:
     call ``forget``. A scalar condition is decided alike: positions (1, d), radius 0, and ``distance`` the signal in metres, below
     zero where the condition holds.
 
-    :param distances: one for each object.
-    :param radius_m: of the sites' spheres, (n,).
-    :param lead_ns: from telling the device until it acts. :param release_lead_ns: the same for its return; default ``lead_ns``.
+    :param distances: one function for each object.
+    :param radius_m: of the sites' spheres, (n,), metres, 0 or more.
+    :param lead_ns: from sending the command until the device has acted, 0 or more.
+    :param release_lead_ns: the same for its return; None: as ``lead_ns``.
     :param stale_ns: a plan dies when its pose is older than this.
+    :param decision: constants of the rule; None: as shipped.
+    :param prediction: constants of the forecast; None: as shipped.
+    :raises InputError: a negative radius or lead.
     """
 
     def __init__(
@@ -127,9 +137,9 @@ class TouchDecider:
         self._distances = tuple(distances)
         self._radius_m = np.asarray(radius_m, dtype=float)
         if self._radius_m.ndim != 1 or not (self._radius_m >= 0).all():
-            raise InputError(f"radius_m = {radius_m} is not allowed; allowed: one radius of at least 0 m for each site")
+            raise InputError(f"radius_m = {radius_m}; expected one radius of 0 m or more for each site")
         if lead_ns < 0:
-            raise InputError(f"lead_ns = {lead_ns} is not allowed; allowed: at least 0 ns")
+            raise InputError(f"lead_ns = {lead_ns} ns; allowed: at least 0 ns")
         self.lead_ns = lead_ns
         self.release_lead_ns = lead_ns if release_lead_ns is None else release_lead_ns
         self._stale_ns = stale_ns
@@ -161,16 +171,23 @@ class TouchDecider:
         self._drop_plans()
 
     def adopt(self, index: int, other: TouchDecider, other_index: int = 0) -> None:
-        """Go on with what another decider of the same sites holds about one object: what touches it, and since when."""
+        """Take over from another decider of the same sites what it holds about one object: what touches it, and since when.
+
+        :param index: of the object here.
+        :param other: the other decider; stays as it is.
+        :param other_index: of the object there.
+        """
         self._touching[index] = other._touching[other_index]
         self._turned_ns[index] = other._turned_ns[other_index]
         self._act_ns[index] = NEVER_NS
         self._seen_m[index] = 0.0
 
     def observe(self, time_ns: int, position_m: ArrayLike, now_ns: int) -> None:
-        """Plan anew from the frame sampled at ``time_ns``, in hand at ``now_ns``; frames that are not later change nothing.
+        """Plan anew from a frame; frames that are not later than the last change nothing.
 
+        :param time_ns: when the frame was sampled.
         :param position_m: the sites' centres, (n, d), metres; a site that was not seen keeps its state and gets no plan.
+        :param now_ns: when it arrived.
         :raises InputError: another shape.
         """
         forecast = self._predictor.observe(time_ns, position_m)
@@ -195,7 +212,11 @@ class TouchDecider:
             self._plan(rows[free], columns[free], touch_s, time_ns)
 
     def due(self, now_ns: int) -> list[Decided]:
-        """What is to be done at this tick: ends first, then beginnings in the order of their times."""
+        """What is to be done at this tick.
+
+        :param now_ns: the tick's time.
+        :return: ends first, then beginnings in the order of their times; each is handed out once.
+        """
         if not self._ends and now_ns < self._next_ns:
             return []
         decided, self._ends = self._ends, []

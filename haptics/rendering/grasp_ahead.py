@@ -1,8 +1,9 @@
 """Closing the brakes for a grasp before the tracked hand shows it.
 
-A brake takes tens of milliseconds to hold, a tracker tells late. The geometric condition of a grasp, both tips within 5 mm of an
-object, is one number that falls through zero; it is forecast and decided like a touch (``haptics.rendering.decision``). Whether
-there was a grasp stays with the grasp rule: where it does not follow, the brakes open again.
+A brake takes tens of milliseconds to hold, and a tracker reports late. The geometric condition of a grasp, both tips within
+5 mm of an object, is one number that falls through zero; it is forecast and decided like a touch
+(``haptics.rendering.decision``). Whether there was a grasp stays with the grasp rule: where it does not follow, the brakes
+open again.
 """
 
 from __future__ import annotations
@@ -24,9 +25,9 @@ class GraspAhead:
     """Decides when to close for the graspable objects of one tracker.
 
     :param tracker: the grasp rule in play; asked where its objects are and whether they can be grasped now.
-    :param names: its objects.
-    :param lead_ns: from telling the brakes until they hold half of what they will.
-    :param stale_ns: no guess from a pose older than this.
+    :param names: of its objects.
+    :param lead_ns: from sending the command until the brakes hold half of what they will.
+    :param stale_ns: a pose older than this is not forecast from.
     """
 
     def __init__(self, tracker: GraspTracker, names: Sequence[str], lead_ns: int, stale_ns: int):
@@ -37,12 +38,21 @@ class GraspAhead:
         self._give_up_ns = 0
 
     def observe(self, time_ns: int, thumb_m: np.ndarray, index_m: np.ndarray, now_ns: int) -> None:
-        """A pose: the two tips' centres, (3,) each, sampled at ``time_ns``, in hand at ``now_ns``."""
+        """Plan from a pose.
+
+        :param time_ns: when it was sampled.
+        :param thumb_m, index_m: centres of the two tips, (3,), metres.
+        :param now_ns: when it arrived.
+        """
         self._tips = np.stack([thumb_m, index_m])
         self._decider.observe(time_ns, self._tips.reshape(1, 6), now_ns)
 
     def due(self, now_ns: int) -> str | None:
-        """The object to close for at this tick, or None."""
+        """Decide whether to close now.
+
+        :param now_ns: the tick's time.
+        :return: the object to close for, or None.
+        """
         for decided in self._decider.due(now_ns):
             name = self._names[decided.object]
             free = self._closed_for is None and self._tracker.held is None
@@ -52,19 +62,27 @@ class GraspAhead:
         return None
 
     def confirm(self, name: str) -> bool:
-        """A grasp of the object has begun; returns whether the brakes are closed for it already."""
+        """Take note that a grasp has begun.
+
+        :param name: the grasped object.
+        :return: whether the brakes are closed for it already.
+        """
         ahead, self._closed_for = self._closed_for == name, None
         return ahead
 
     def withdraw(self, now_ns: int) -> bool:
-        """Whether to open again now, because the grasp that was acted for did not come."""
+        """Give up a grasp that was acted for and did not come.
+
+        :param now_ns: the tick's time.
+        :return: whether the brakes are to open now.
+        """
         if self._closed_for is None or now_ns < self._give_up_ns:
             return False
         self._closed_for = None
         return True
 
     def forget(self) -> None:
-        """No plan, no past pose."""
+        """Drop every plan and past pose."""
         self._decider.forget()
         self._closed_for = None
 

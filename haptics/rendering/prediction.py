@@ -33,7 +33,16 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class PredictionParameters:
-    """The constants of the two equations above; defaults fitted on recorded hands."""
+    """The constants of the two equations above; defaults fitted on recorded hands.
+
+    :param damping_per_s: ``k``, 1/s: how fast a velocity is taken to fade.
+    :param common_gain: ``g_c``, share of the mean acceleration that is believed.
+    :param own_gain: ``g_o``, share of a point's own acceleration that is believed.
+    :param level_weight: ``w_l``, weight of the acceleration in the doubt.
+    :param disagreement_weight: ``w_d``, weight of the change of acceleration in the doubt.
+    :param recent_weight: ``w_r``, weight of the last frames' accelerations in the doubt.
+    :param noise_m: ``s_0``, standard deviation of a tracked point, metres.
+    """
 
     velocity_span_ns: int = 8 * NS_PER_MS
     """Least time a velocity is taken over; closer frames are merged, so that noise over time does not grow with the rate."""
@@ -54,13 +63,16 @@ class PredictionParameters:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Forecast:
-    """What one frame says about the near future. Points have d coordinates: 3 for places, 1 for a scalar signal in metres.
+    """The near future as one frame shows it. Points have d coordinates: 3 for places, 1 for a scalar signal in metres.
 
-    :param time_ns: the frame's.
+    :param time_ns: when the frame was sampled.
     :param position_m: (n, d); not finite where a point was not seen.
-    :param velocity_m_s: (n, d). :param acceleration_m_s2: (n, d), the believed share of it.
+    :param velocity_m_s: (n, d), over the last ``span_s``.
+    :param acceleration_m_s2: (n, d), the believed share of it.
     :param doubt_m_s2: (n,), ``A``.
-    :param span_s: ``T``.
+    :param span_s: ``T``, s.
+    :param damping_per_s: ``k``, 1/s; 0 where nothing is known but the last pose.
+    :param noise_m: ``s_0``, metres.
     """
 
     time_ns: int
@@ -73,7 +85,12 @@ class Forecast:
     noise_m: float
 
     def path(self, ahead_s: Floats, points: NDArray[np.intp] | slice = slice(None)) -> Floats:
-        """Positions of these points (default all) ``ahead_s`` (k,) seconds after the frame, (points, k, d), metres."""
+        """Forecast positions.
+
+        :param ahead_s: (k,), seconds after the frame.
+        :param points: which of the n points; default all.
+        :return: (points, k, d), metres.
+        """
         along_s = ahead_s * (1.0 - self.damping_per_s * ahead_s)
         return (
             self.position_m[points, None]
@@ -82,11 +99,19 @@ class Forecast:
         )
 
     def deviation(self, ahead_s: Floats) -> Floats:
-        """Standard deviation of those positions along any direction, (n, k), metres."""
+        """Standard deviation of the forecast positions along any direction.
+
+        :param ahead_s: (k,), seconds after the frame.
+        :return: (n, k), metres.
+        """
         return self.doubt_m_s2[:, None] * self._bend_s2(ahead_s) + self.noise_m * (1.0 + ahead_s / self.span_s)
 
     def reach_m(self, ahead_s: float) -> Floats:
-        """How far each point gets within ``ahead_s`` at the most, (n,), metres."""
+        """How far each point gets at most.
+
+        :param ahead_s: within this time, s, after the frame.
+        :return: (n,), metres.
+        """
         speed = np.sqrt(np.einsum("nd,nd->n", self.velocity_m_s, self.velocity_m_s))
         bend = np.sqrt(np.einsum("nd,nd->n", self.acceleration_m_s2, self.acceleration_m_s2))
         return speed * ahead_s + bend * (0.5 * ahead_s * (ahead_s + self.span_s))
@@ -104,7 +129,10 @@ class _Velocity:
 
 
 class Predictor:
-    """Frames of one hand in, forecasts out. Until there is an acceleration (24 ms or more), the last pose is the forecast."""
+    """Frames of one hand in, forecasts out. Until there is an acceleration (24 ms or more), the last pose is the forecast.
+
+    :param parameters: constants of the forecast; None: as shipped.
+    """
 
     def __init__(self, parameters: PredictionParameters | None = None):
         self._p = parameters or PredictionParameters()
@@ -117,15 +145,17 @@ class Predictor:
         self._velocities.clear()
 
     def observe(self, time_ns: int, position_m: ArrayLike) -> Forecast | None:
-        """Take the frame sampled at ``time_ns``; ``None`` if it is not later than the one before.
+        """Take a frame.
 
+        :param time_ns: when it was sampled.
         :param position_m: (n, d), metres; a row with a number that is not finite is a point that was not seen.
+        :return: the forecast from it, or None if it is not later than the one before.
         :raises InputError: not two-dimensional, or another shape than before.
         """
         position = np.array(position_m, dtype=float)
         if position.ndim != 2 or (self._frames and position.shape != self._frames[-1][1].shape):
             wanted = self._frames[-1][1].shape if self._frames else "(points, coordinates)"
-            raise InputError(f"position_m has shape {position.shape}; allowed: {wanted}, metres")
+            raise InputError(f"position_m has shape {position.shape}; expected {wanted}, metres")
         if self._frames:
             elapsed_ns = time_ns - self._frames[-1][0]
             if elapsed_ns <= 0:

@@ -24,11 +24,13 @@ POSES_KEPT = 6
 class TouchAhead:
     """When sites touch and leave objects, decided ahead.
 
-    :param body: where an object is now, by its name; asked when a pose comes.
-    :param names: all objects that can be touched. :param flying: those of them that move by themselves.
-    :param radius_m: of the sites' spheres, (n,).
-    :param lead_ns: from telling a device until it has acted. :param release_lead_ns: the same for its return.
-    :param stale_ns: no plan outlives its pose by more.
+    :param body: returns where an object is now, by its name; called when a pose comes.
+    :param names: all objects that can be touched.
+    :param flying: those of them that move by themselves.
+    :param radius_m: of the sites' spheres, (n,), metres.
+    :param lead_ns: from sending a command until the device has acted.
+    :param release_lead_ns: the same for its return.
+    :param stale_ns: a plan dies when its pose is older than this.
     """
 
     def __init__(
@@ -54,7 +56,13 @@ class TouchAhead:
         self._poses: deque[tuple[int, NDArray[np.float64], int]] = deque(maxlen=POSES_KEPT)
 
     def observe(self, time_ns: int, position_m: NDArray[np.float64], now_ns: int, held: str | None = None) -> None:
-        """A pose's sites (n, 3), sampled at ``time_ns``, in hand at ``now_ns``; ``held`` is the object the hand carries."""
+        """Plan from a pose.
+
+        :param time_ns: when it was sampled.
+        :param position_m: the sites' centres, (n, 3), metres.
+        :param now_ns: when it arrived.
+        :param held: name of the object that the hand carries; None: none.
+        """
         self._carry(held if held in self._names else None)
         self._poses.append((time_ns, position_m, now_ns))
         self._world.observe(time_ns, position_m, now_ns)
@@ -62,14 +70,18 @@ class TouchAhead:
             decider.observe(time_ns, self._body(name).pose.to_local(position_m), now_ns)
 
     def due(self, now_ns: int) -> list[tuple[str, Decided]]:
-        """What is to be done at this tick, with the object's name."""
+        """What is to be done at this tick.
+
+        :param now_ns: the tick's time.
+        :return: each decision with its object's name.
+        """
         found = [(self._names[decided.object], decided) for decided in self._world.due(now_ns)]
         for name, decider in self._own():
             found += [(name, decided) for decided in decider.due(now_ns)]
         return found
 
     def forget(self) -> None:
-        """No touch, no plan, no past pose."""
+        """Drop every touch, plan and past pose."""
         for decider in (self._world, *self._flying.values()):
             decider.forget()
         self._carried = None

@@ -1,7 +1,7 @@
 """Rules that engage a garment's clutches (thesis 6.5): pure state machines from what the body does to the set of
 clutches that hold.
 
-A clutch resists being stretched and nothing else, so a rule never traps a limb: the way back is always free. Where a
+A clutch resists being stretched and nothing else, so a rule never traps a limb: the opposite movement is always free. Where a
 rule's signal is unknown, its clutches let go.
 """
 
@@ -22,7 +22,13 @@ _NONE: frozenset[str] = frozenset()
 
 @dataclass(frozen=True)
 class BodyState:
-    """What a rule may look at: the moment, the object in hand, the objects touched, the body's angles."""
+    """What a rule may look at.
+
+    :param time_ns: from the start of the run; must not decrease from one state to the next.
+    :param signals: the body's angles.
+    :param held: name of the object in the hand; None: none.
+    :param touched: names of the objects touched.
+    """
 
     time_ns: int
     signals: BodySignals
@@ -34,13 +40,44 @@ class RunningRule(Protocol):
     """A rule in play; it remembers what it must."""
 
     def update(self, state: BodyState) -> frozenset[str]:
-        """The clutches this rule engages now. Times must not go back."""
+        """Advance to a state.
+
+        :param state: the body now; its time must not be earlier than the last one's.
+        :return: the clutches that this rule engages now.
+        """
+        ...
+
+
+class Rule(Protocol):
+    """What a scene asks of a rule; each rule is plain data."""
+
+    @property
+    def signals(self) -> tuple[str, ...]:
+        """Names of the body signals that it reads."""
+        ...
+
+    @property
+    def objects(self) -> tuple[str, ...]:
+        """Names of the objects that it looks at."""
+        ...
+
+    def start(self) -> RunningRule:
+        """Put the rule in play.
+
+        :return: with no clutch engaged.
+        """
         ...
 
 
 @dataclass(frozen=True)
-class ByGrasp:
-    """Workplace training: while the object is grasped, all its clutches hold and steady the upper body."""
+class ByGrasp(Rule):
+    """Workplace training: while the object is grasped, all its clutches hold and steady the upper body.
+
+    :param object: name of the object; it needs a grasp effect.
+    :param clutches: names, at least one, each once.
+    :param kind: always ``by_grasp``.
+    :raises InputError: no clutch, or one named twice.
+    """
 
     __pydantic_config__: ClassVar[dict] = _STRICT_FIELDS
     object: str
@@ -63,12 +100,18 @@ class ByGrasp:
 
 
 @dataclass(frozen=True)
-class HeldPosture:
+class HeldPosture(Rule):
     """Posture correction: once upright, the posture is held for ``hold_s``, then a slouch is allowed for
     ``release_s``, over and over.
 
-    :param signal: the angle that grows with the slouch; upright is ``upright_rad`` or less. The hold begins only when
-        upright, so that nobody is held in a slouch.
+    :param signal: name of the angle that grows with the slouch.
+    :param clutches: names, at least one, each once.
+    :param upright_rad: upright is this or less, within ±2π rad. The hold begins only when upright, so that nobody is held in a
+        slouch.
+    :param hold_s: 0.1 to 86,400 s.
+    :param release_s: 0 to 86,400 s.
+    :param kind: always ``held_posture``.
+    :raises InputError: a number out of range, no clutch, or one named twice.
     """
 
     __pydantic_config__: ClassVar[dict] = _STRICT_FIELDS
@@ -98,11 +141,17 @@ class HeldPosture:
 
 
 @dataclass(frozen=True)
-class SelectiveResistance:
+class SelectiveResistance(Rule):
     """Resistance training: the direction of the signal's motion chooses which clutches resist; the opposing ones are free.
 
-    ``rising`` resists while the angle grows (flexion), ``falling`` while it shrinks (extension). Below
-    ``min_rate_rad_s`` the last choice stays, as a clutch that has stopped the motion must keep holding it.
+    Below ``min_rate_rad_s`` the last choice stays, as a clutch that has stopped the motion must keep holding it.
+
+    :param signal: name of the angle.
+    :param rising: clutches that resist while the angle grows (flexion).
+    :param falling: clutches that resist while it shrinks (extension); none of ``rising``.
+    :param min_rate_rad_s: slower motion changes nothing, 0 to 20 rad/s.
+    :param kind: always ``selective_resistance``.
+    :raises InputError: a number out of range, no clutch in either direction, or one named twice.
     """
 
     __pydantic_config__: ClassVar[dict] = _STRICT_FIELDS
@@ -116,11 +165,14 @@ class SelectiveResistance:
         _check_clutches(self.kind, self.rising)
         _check_clutches(self.kind, self.falling)
         if both := set(self.rising) & set(self.falling):
-            raise InputError(f"clutches {sorted(both)} are in rising and in falling; allowed: in one, or the limb is locked")
+            raise InputError(
+                f"clutches {sorted(both)} are in rising and in falling, which would lock the limb; name each in one of them"
+            )
         in_range("min_rate_rad_s", self.min_rate_rad_s, 0.0, 20.0, "rad/s")
 
     @property
     def clutches(self) -> tuple[str, ...]:
+        """All clutches of either direction."""
         return self.rising + self.falling
 
     @property
@@ -136,9 +188,15 @@ class SelectiveResistance:
 
 
 @dataclass(frozen=True)
-class OnContact:
+class OnContact(Rule):
     """VR gaming: the clutches hold from each contact with the object, for ``hold_s`` or as long as the contact lasts
     if that is longer.
+
+    :param object: name of the object.
+    :param clutches: names, at least one, each once.
+    :param hold_s: shortest hold, 0 to 10 s.
+    :param kind: always ``on_contact``.
+    :raises InputError: a number out of range, no clutch, or one named twice.
     """
 
     __pydantic_config__: ClassVar[dict] = _STRICT_FIELDS
@@ -167,13 +225,20 @@ ClutchRule = ByGrasp | HeldPosture | SelectiveResistance | OnContact
 
 
 class ClutchRules:
-    """All rules of a scene in play; a clutch holds while any rule wants it to."""
+    """All rules of a scene in play; a clutch holds while any rule wants it to.
+
+    :param rules: may share clutches.
+    """
 
     def __init__(self, rules: Sequence[ClutchRule]):
         self._running = [rule.start() for rule in rules]
 
     def update(self, state: BodyState) -> frozenset[str]:
-        """The clutches that should hold now."""
+        """Advance all rules to a state.
+
+        :param state: the body now; its time must not be earlier than the last one's.
+        :return: the clutches that should hold now.
+        """
         return _NONE.union(*(rule.update(state) for rule in self._running))
 
 
@@ -241,4 +306,4 @@ class _OnContact:
 
 def _check_clutches(kind: str, clutches: tuple[str, ...]) -> None:
     if not clutches or len(set(clutches)) != len(clutches):
-        raise InputError(f"{kind} clutches = {list(clutches)} is not allowed; allowed: at least one, each once")
+        raise InputError(f"{kind} clutches = {list(clutches)}; expected at least one, each once")

@@ -17,7 +17,7 @@ from haptics.errors import InputError
 from haptics.scene.effects import ContactEffect, Effect, FixedSetEffect
 from haptics.scene.geometry.pose import Array
 from haptics.scene.sites import SITE, SITES
-from haptics.units import in_range
+from haptics.units import in_range, nearest
 
 LEAVE_M = 0.002
 """How far a site must come off before it counts as released (assumed: over ten times the noise of a tracked fingertip)."""
@@ -25,19 +25,30 @@ LEAVE_M = 0.002
 
 @dataclass(frozen=True)
 class Touch:
-    """A site began or ended touching an object; between the two it holds it."""
+    """A site began or ended touching an object.
+
+    :param kind: ``touch`` or ``release``.
+    :param time_ns: when that was decided.
+    :param object: the object's name.
+    :param site: 0 to 14, the place in ``SITES``.
+    :param first_or_last: whether it is the object's first touching site, or its last one leaving.
+    """
 
     kind: Literal["touch", "release"]
     time_ns: int
     object: str
     site: int
     first_or_last: bool
-    """The object's first touching site came, or its last one left."""
 
 
 @dataclass(frozen=True)
 class PinChange:
-    """A pin must come out or go back."""
+    """A pin must come out or go back.
+
+    :param time_ns: when that was decided.
+    :param site: 0 to 14, the place in ``SITES``.
+    :param out: whether it must come out.
+    """
 
     time_ns: int
     site: int
@@ -45,7 +56,7 @@ class PinChange:
 
 
 class ContactTracker:
-    """Counts touches and says which pins must move.
+    """Counts touches and reports which pins must move.
 
     :param effects: the effects of each object, by its name.
     """
@@ -63,8 +74,10 @@ class ContactTracker:
         return tuple(site for site, holders in enumerate(self._holders) if holders)
 
     def touching(self, name: str) -> frozenset[int]:
-        """Sites that touch the object.
+        """The sites that touch an object.
 
+        :param name: the object's.
+        :return: indices in ``SITES``.
         :raises InputError: no such object.
         """
         return frozenset(self._of(name))
@@ -75,7 +88,14 @@ class ContactTracker:
         return frozenset(name for name, sites in self._touching.items() if sites)
 
     def touch(self, site: int, name: str, time_ns: int) -> tuple[list[Touch], list[PinChange]]:
-        """A site begins to touch an object; one that touches it already changes nothing."""
+        """Take note that a site begins to touch an object; one that touches it already changes nothing.
+
+        :param site: 0 to 14, the place in ``SITES``.
+        :param name: the object's.
+        :param time_ns: passed on to what is returned.
+        :return: the touch, and the pins that must move.
+        :raises InputError: no such object.
+        """
         touching = self._of(name)
         if site in touching:
             return [], []
@@ -83,7 +103,14 @@ class ContactTracker:
         return [Touch("touch", time_ns, name, site, len(touching) == 1)], self._settle(name, time_ns)
 
     def leave(self, site: int, name: str, time_ns: int) -> tuple[list[Touch], list[PinChange]]:
-        """A site stops touching an object; one that did not touch it changes nothing."""
+        """Take note that a site stops touching an object; one that did not touch it changes nothing.
+
+        :param site: 0 to 14, the place in ``SITES``.
+        :param name: the object's.
+        :param time_ns: passed on to what is returned.
+        :return: the release, and the pins that must move.
+        :raises InputError: no such object.
+        """
         touching = self._of(name)
         if site not in touching:
             return [], []
@@ -91,7 +118,11 @@ class ContactTracker:
         return [Touch("release", time_ns, name, site, not touching)], self._settle(name, time_ns)
 
     def release_all(self, time_ns: int) -> tuple[list[Touch], list[PinChange]]:
-        """Everything is let go: the hand was lost, or the run ends."""
+        """End every touch: the hand was lost, or the run ends.
+
+        :param time_ns: passed on to what is returned.
+        :return: the releases, and the pins that must go back.
+        """
         touches: list[Touch] = []
         pins: list[PinChange] = []
         for name, sites in self._touching.items():
@@ -105,7 +136,8 @@ class ContactTracker:
         try:
             return self._touching[name]
         except KeyError:
-            raise InputError(f"object = {name!r} is not in the scene; allowed: {', '.join(self._touching) or 'none'}") from None
+            known = (", ".join(self._touching) or "none") + nearest(name, tuple(self._touching))
+            raise InputError(f"object = {name!r} is not in the scene; its objects: {known}") from None
 
     def _settle(self, name: str, time_ns: int) -> list[PinChange]:
         touching, changes = self._touching[name], []
@@ -127,7 +159,8 @@ class TouchBand:
     """Touch and release from plain signed distances, with hysteresis: touched at 0 or below, released above ``leave_m``.
 
     :param objects: names, in the order of the distances' rows.
-    :param leave_m: 0 to 0.05 m.
+    :param leave_m: 0 to 0.05 m; default 2 mm.
+    :raises InputError: ``leave_m`` out of range.
     """
 
     def __init__(self, objects: Sequence[str], leave_m: float = LEAVE_M):
@@ -136,14 +169,16 @@ class TouchBand:
         self._held = np.zeros((len(self._objects), len(SITES)), dtype=bool)
 
     def update(self, distance_m: Array) -> list[tuple[bool, int, str]]:
-        """What changed, as (began, site, object), for distances of shape (objects, sites), metres.
+        """Compare distances with those before.
 
-        A distance that is not a number says nothing about the site, which therefore stays as it was.
+        A distance that is not a number leaves its site as it was.
 
+        :param distance_m: (objects, 15), metres, signed; negative inside.
+        :return: what changed, as (began, site, object).
         :raises InputError: another shape.
         """
         if distance_m.shape != self._held.shape:
-            raise InputError(f"distance_m has shape {distance_m.shape}; allowed: {self._held.shape}, objects by sites")
+            raise InputError(f"distance_m has shape {distance_m.shape}; expected {self._held.shape}, objects by sites")
         held = np.where(self._held, ~(distance_m > self._leave_m), distance_m <= 0.0)
         changed = np.argwhere(held != self._held)
         self._held = held

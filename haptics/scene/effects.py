@@ -28,7 +28,12 @@ _STRICT_FIELDS = {"extra": "forbid", "allow_inf_nan": False}  # for the scene fi
 
 @dataclass(frozen=True)
 class ContactEffect:
-    """Each site that touches the object has its pin out while it does. ``sites``: only these; none named means any."""
+    """Each site that touches the object has its pin out while it does.
+
+    :param sites: names of the only sites that do; None: any.
+    :param kind: always ``contact``.
+    :raises InputError: an unknown site, one named twice, or none.
+    """
 
     __pydantic_config__: ClassVar[dict] = _STRICT_FIELDS
     sites: tuple[str, ...] | None = None
@@ -40,7 +45,12 @@ class ContactEffect:
 
 @dataclass(frozen=True)
 class FixedSetEffect:
-    """The same set of pins comes out while any part of the hand touches the object."""
+    """The same set of pins comes out while any part of the hand touches the object.
+
+    :param sites: names of the pins' sites, at least one.
+    :param kind: always ``fixed_set``.
+    :raises InputError: an unknown site, one named twice, or none.
+    """
 
     __pydantic_config__: ClassVar[dict] = _STRICT_FIELDS
     sites: tuple[str, ...]
@@ -54,7 +64,14 @@ class FixedSetEffect:
 class PatternEffect:
     """A spatial pattern plays at its own pace from the first touch.
 
-    ``lasts`` ``"contact"``: until the last site leaves; ``"stimulus"``: for ``duration_s`` (1 s in the study), once a touch.
+    :param pattern: one of ``PATTERNS``.
+    :param direction: ``forward`` or ``reverse``.
+    :param rate_scale: multiplies the pattern's refresh rate, 0.1 to 10.
+    :param lasts: ``contact``: until the last site leaves; ``stimulus``: for ``duration_s`` from each touch.
+    :param duration_s: of a stimulus, 0.01 to 3600 s (1 s in the study).
+    :param sites: names of the only sites that pulse; None: all fifteen.
+    :param kind: always ``pattern``.
+    :raises InputError: a value out of its range, or an unknown name.
     """
 
     __pydantic_config__: ClassVar[dict] = _STRICT_FIELDS
@@ -74,7 +91,10 @@ class PatternEffect:
         _check_sites(self.sites)
 
     def player(self) -> PatternPlayer:
-        """A player of this effect, not yet started."""
+        """A player of this effect.
+
+        :return: not yet started.
+        """
         duration_s = self.duration_s if self.lasts == "stimulus" else None
         return PatternPlayer(
             self.pattern, direction=self.direction, rate_scale=self.rate_scale, duration_s=duration_s, sites=self.sites
@@ -88,6 +108,16 @@ class ProximityEffect:
     Rate scale ``near + (far − near)·d/range`` for the distance d of the hand's nearest site, clamped below at d = 0;
     silent beyond ``range_m``. Once playing, it falls silent only ``hysteresis_m`` farther out, so that a hovering
     hand does not restart it.
+
+    :param pattern: one of ``PATTERNS``.
+    :param range_m: silent beyond this distance, 0.01 to 2 m.
+    :param direction: ``forward`` or ``reverse``.
+    :param far_scale: rate scale at ``range_m``, 0.1 to 10.
+    :param near_scale: rate scale at the object, 0.1 to 10.
+    :param hysteresis_m: 0 to 0.1 m.
+    :param sites: names of the only sites that pulse; None: all fifteen.
+    :param kind: always ``proximity``.
+    :raises InputError: a value out of its range, or an unknown name.
     """
 
     __pydantic_config__: ClassVar[dict] = _STRICT_FIELDS
@@ -110,7 +140,12 @@ class ProximityEffect:
         _check_sites(self.sites)
 
     def rate_scale(self, distance_m: float, playing: bool = False) -> float | None:
-        """The rate scale at a distance, or ``None`` where the effect is silent (also for a distance that is not a number)."""
+        """The rate scale at a distance.
+
+        :param distance_m: of the hand's nearest site, metres; negative inside.
+        :param playing: whether the pattern plays already, so that the hysteresis counts.
+        :return: or None where the effect is silent, also for a distance that is not a number.
+        """
         reach_m = self.range_m + (self.hysteresis_m if playing else 0.0)
         if math.isnan(distance_m) or distance_m > reach_m:
             return None
@@ -118,7 +153,10 @@ class ProximityEffect:
         return self.near_scale + (self.far_scale - self.near_scale) * near
 
     def player(self) -> PatternPlayer:
-        """A player of this effect, not yet started."""
+        """A player of this effect at its far rate.
+
+        :return: not yet started.
+        """
         return PatternPlayer(self.pattern, direction=self.direction, rate_scale=self.far_scale, sites=self.sites)
 
 
@@ -127,6 +165,14 @@ class GraspEffect:
     """The object can be grasped: both brakes hold from the beginning to the end, the piezos shake once at the beginning.
 
     ``brakes`` and ``piezo`` together give the study's four conditions: visual, piezo, brake, both (thesis 4.8.2.3).
+
+    :param brakes: whether the brakes hold.
+    :param piezo: whether the piezos shake.
+    :param amplitude_v: of the brakes' drive, 0 to 1500 V (1000 V stated, thesis 4.5.2).
+    :param frequency_hz: of the brakes' drive, 1 to 1000 Hz (20 Hz stated, thesis 4.5.2).
+    :param piezo_s: length of the vibration, 0 to 5 s (0.3 s stated, thesis 4.6.1).
+    :param kind: always ``grasp``.
+    :raises InputError: a number out of its range.
     """
 
     __pydantic_config__: ClassVar[dict] = _STRICT_FIELDS
@@ -147,7 +193,7 @@ Effect = ContactEffect | FixedSetEffect | PatternEffect | ProximityEffect | Gras
 
 
 class PatternBank:
-    """The pattern players of a scene: told of touches and distances, it hands out the pulses of all of them.
+    """The pattern players of a scene: informed of touches and distances, it hands out the pulses of all of them.
 
     :param effects: the effects of each object, by its name.
     """
@@ -170,27 +216,39 @@ class PatternBank:
 
     @property
     def watched(self) -> tuple[str, ...]:
-        """Objects whose distance must be told by ``approach``."""
+        """Objects whose distance ``approach`` must be given."""
         return tuple(self._near)
 
     @property
     def playing(self) -> tuple[str, ...]:
-        """Objects with a pattern under way."""
+        """Objects with a pattern that plays now."""
         return tuple(name for name, player in self._players if player.playing)
 
     def touch(self, name: str, now_ns: int) -> None:
-        """The hand began to touch the object; one stimulus under way is left to finish."""
+        """Take note that the hand began to touch an object; a stimulus that still plays is left to finish.
+
+        :param name: the object's; one without patterns changes nothing.
+        :param now_ns: when it did.
+        """
         for player in self._touched.get(name, ()):
             if not player.playing:
                 player.start(now_ns)
 
     def leave(self, name: str) -> None:
-        """The last site left the object."""
+        """Take note that the last site left an object.
+
+        :param name: the object's; one without patterns changes nothing.
+        """
         for player in self._lasting.get(name, ()):
             player.stop()
 
     def approach(self, name: str, distance_m: float, now_ns: int) -> None:
-        """The hand's nearest site is ``distance_m`` from the object."""
+        """Start, stop or pace the patterns of an object by its distance.
+
+        :param name: the object's; one without proximity effects changes nothing.
+        :param distance_m: of the hand's nearest site, metres; negative inside.
+        :param now_ns: when it was measured.
+        """
         for effect, player in self._near.get(name, ()):
             scale = effect.rate_scale(distance_m, player.playing)
             if scale is None:
@@ -201,12 +259,20 @@ class PatternBank:
             player.set_rate_scale(scale, now_ns)
 
     def due(self, now_ns: int, until_ns: int) -> list[tuple[int, int, str]]:
-        """Pulses with ``now_ns <= time < until_ns`` not handed out before: (time_ns, site index, object), in order of time."""
+        """Hand out the pulses with ``now_ns <= time < until_ns`` that were not handed out before.
+
+        :param now_ns: pulses due earlier are dropped; ``take_missed`` has them.
+        :param until_ns: end of the window, itself excluded.
+        :return: (time_ns, site index, object), in order of time.
+        """
         playing = [(name, player) for name, player in self._players if player.playing]
         return sorted((time_ns, site, name) for name, player in playing for time_ns, site in player.due(now_ns, until_ns))
 
     def take_missed(self) -> list[int]:
-        """Site indices of pulses that nobody asked for in time, since the last call."""
+        """Hand out what was dropped since the last call.
+
+        :return: site indices of pulses that nobody asked for in time.
+        """
         return [site for _, player in self._players for site in player.take_missed()]
 
     def stop(self) -> None:
@@ -219,6 +285,6 @@ def _check_sites(sites: Sequence[str] | None) -> None:
     if sites is None:
         return
     if not sites or len(set(sites)) != len(sites):
-        raise InputError(f"sites = {list(sites)} is not allowed; allowed: at least one site, each once, of {', '.join(SITES)}")
+        raise InputError(f"sites = {list(sites)}; expected at least one site, each once, of {', '.join(SITES)}")
     for site in sites:
         one_of("site", site, SITES)

@@ -34,11 +34,12 @@ RULES = ("rearming", "thesis")
 class GraspRule:
     """When a grasp begins and ends.
 
-    :param band_m: both tips' surfaces this near to the object, or nearer (5 mm stated, thesis 4.6.0.2).
-    :param rearm_m: how far past the band a tip must come before the next grasp of the same object (2 mm assumed);
-        ``None``: at once.
-    :param end_hold_s: how long the ray must stay longer than at the start (50 ms assumed; 0 is the literal rule).
-    :param tip_radius_m: radius of a fingertip's sphere (7 mm assumed).
+    :param band_m: both tips' surfaces this near to the object, or nearer (5 mm stated, thesis 4.6.0.2); 0 to 0.05 m.
+    :param rearm_m: how far past the band a tip must come before the next grasp of the same object (2 mm assumed), 0 to 0.05 m;
+        None: at once.
+    :param end_hold_s: how long the ray must stay longer than at the start (50 ms assumed; 0 is the literal rule), 0 to 1 s.
+    :param tip_radius_m: radius of a fingertip's sphere (7 mm assumed), 0 to 0.03 m.
+    :raises InputError: a number out of its range.
     """
 
     band_m: float = 0.005
@@ -55,8 +56,10 @@ class GraspRule:
 
 
 def grasp_rule(name: str) -> GraspRule:
-    """The rule called ``rearming`` (default) or ``thesis`` (literal).
+    """A rule by its name.
 
+    :param name: ``rearming`` (default of scenes) or ``thesis`` (literal).
+    :return: the rule's numbers.
     :raises InputError: another name.
     """
     one_of("grasp rule", name, RULES)
@@ -64,15 +67,25 @@ def grasp_rule(name: str) -> GraspRule:
 
 
 def gap_m(body: Placed, thumb_tip_m: Array, index_tip_m: Array, tip_radius_m: float = TIP_RADIUS_M) -> float:
-    """How far the farther fingertip's sphere is from the object, metres; negative when both reach into it.
+    """How far the farther fingertip's sphere is from the object.
 
     A grasp can begin where this is ``band_m`` or less and the object lies between the tips (:func:`between`).
+
+    :param body: the object where it is.
+    :param thumb_tip_m, index_tip_m: the tips' joints, (3,), metres.
+    :param tip_radius_m: radius of a fingertip's sphere, metres.
+    :return: metres; negative when both tips reach into the object.
     """
     return max(body.distance(np.array([thumb_tip_m, index_tip_m])).tolist()) - tip_radius_m
 
 
 def between(body: Placed, thumb_tip_m: Array, index_tip_m: Array) -> bool:
-    """Whether the object lies between the fingertips: the segment from joint to joint enters it."""
+    """Whether the object lies between the fingertips.
+
+    :param body: the object where it is.
+    :param thumb_tip_m, index_tip_m: the tips' joints, (3,), metres.
+    :return: whether the segment from joint to joint enters it.
+    """
     return segment_meets(body, thumb_tip_m, index_tip_m)
 
 
@@ -80,9 +93,13 @@ def between(body: Placed, thumb_tip_m: Array, index_tip_m: Array) -> bool:
 class GraspEvent:
     """A grasp began or ended.
 
-    :param ray_m: distance of the tip joints now. :param start_ray_m: the same at the beginning of the grasp.
+    :param kind: ``begin`` or ``end``.
+    :param time_ns: sample time of the pose at which it did.
+    :param object: the object's name.
+    :param ray_m: distance of the tips' joints now, metres.
+    :param start_ray_m: the same at the beginning of the grasp.
     :param penetration: mean over the grasp of ``max(0, L0 − L)/L0``; 0 at the beginning.
-    :param depth_m: deepest a fingertip's sphere has been inside the object; at the beginning, how deep it is then.
+    :param depth_m: deepest a fingertip's sphere has been inside the object, metres; at the beginning, how deep it is then.
     """
 
     kind: Literal["begin", "end"]
@@ -96,7 +113,7 @@ class GraspEvent:
 
 @dataclass
 class _Held:
-    """A grasp under way: how it began, and the anchor from which the ray carries the object."""
+    """A grasp that lasts: how it began, and the anchor from which the ray carries the object."""
 
     name: str
     began_ns: int
@@ -115,7 +132,7 @@ class GraspTracker:
     """Follows thumb and index among the graspable objects of a scene; one object is held at a time.
 
     :param bodies: the graspable objects, by name, where they are now.
-    :param rule: when a grasp begins and ends.
+    :param rule: when a grasp begins and ends; None: ``rearming``.
     """
 
     def __init__(self, bodies: Mapping[str, Placed], rule: GraspRule | None = None):
@@ -131,21 +148,29 @@ class GraspTracker:
         return self._held.name if self._held else None
 
     def armed(self, name: str) -> bool:
-        """Whether a grasp of the object may begin: since the last one a tip left the band, if the rule asks for that."""
+        """Whether a grasp of an object may begin.
+
+        :param name: the object's.
+        :return: whether a tip has left the band since the last grasp, if the rule asks for that; False for an unknown object.
+        """
         return self._armed.get(name, False)
 
     def body(self, name: str) -> Placed:
         """A graspable object where it is now, which for a grasped one is where the ray has carried it.
 
+        :param name: the object's.
+        :return: its shape at its present pose.
         :raises InputError: no such object.
         """
         if name not in self._bodies:
-            raise InputError(f"object = {name!r} cannot be grasped; allowed: {', '.join(self._bodies) or 'none'}")
+            raise InputError(f"object = {name!r} cannot be grasped; objects that can: {', '.join(self._bodies) or 'none'}")
         return self._bodies[name]
 
     def move(self, name: str, pose: Pose) -> None:
-        """Put an object that is not held elsewhere; a held one is where the hand is, so for it this changes nothing.
+        """Put an object elsewhere; one that is held stays in the hand.
 
+        :param name: the object's.
+        :param pose: in the world.
         :raises InputError: no such object.
         """
         body = self.body(name)
@@ -153,13 +178,16 @@ class GraspTracker:
             self._bodies[name] = body.at(pose)
 
     def update(self, time_ns: int, thumb_tip_m: Array, index_tip_m: Array) -> list[GraspEvent]:
-        """The tips' joints, (3,) each, at ``time_ns``; what began or ended.
+        """Follow the tips.
 
+        :param time_ns: when they were sampled; not earlier than the last.
+        :param thumb_tip_m, index_tip_m: the tips' joints, (3,), metres.
+        :return: what began or ended; usually nothing.
         :raises InputError: time went back, or a tip is not three finite numbers.
         """
         thumb, index = np.asarray(thumb_tip_m, float), np.asarray(index_tip_m, float)
         if thumb.shape != (3,) or index.shape != (3,) or not np.isfinite(tips := np.array([thumb, index])).all():
-            raise InputError(f"thumb_tip_m = {thumb}, index_tip_m = {index}; allowed: three finite numbers each, metres")
+            raise InputError(f"thumb_tip_m = {thumb}, index_tip_m = {index}; expected three finite numbers each, metres")
         if self._last_ns is not None and time_ns < self._last_ns:
             raise InputError(f"time_ns = {time_ns} lies before the last one, {self._last_ns}; time only moves forward")
         self._last_ns = time_ns
@@ -168,7 +196,11 @@ class GraspTracker:
         return self._follow(self._held, time_ns, tips)
 
     def let_go(self, time_ns: int) -> list[GraspEvent]:
-        """End a grasp because the hand was lost; the object stays where it is."""
+        """End a grasp because the hand was lost; the object stays where it is.
+
+        :param time_ns: when it was lost.
+        :return: the grasp's end, or nothing where no object was held.
+        """
         if self._held is None:
             return []
         return [self._end(self._held, time_ns, float(np.linalg.norm(self._held.ray)))]
@@ -178,7 +210,7 @@ class GraspTracker:
         thumb, index = tips.tolist()
         for name, body in self._bodies.items():
             gap = max(body.bounding_distance(thumb), body.bounding_distance(index)) - self.rule.tip_radius_m
-            if gap <= self.rule.band_m + (self.rule.rearm_m or 0.0):  # else the lower bound says all there is to know
+            if gap <= self.rule.band_m + (self.rule.rearm_m or 0.0):  # else the lower bound is enough
                 gap = gap_m(body, tips[0], tips[1], self.rule.tip_radius_m)
             if not self._armed[name]:
                 self._armed[name] = self.rule.rearm_m is None or gap > self.rule.band_m + self.rule.rearm_m

@@ -23,9 +23,12 @@ from haptics.scene.geometry.shapes import Box, Capsule, Cylinder, Placed, Plane,
 from haptics.scene.objects import Motion, SceneObject
 from haptics.scene.scene import Clutch, Scene
 from haptics.scene.signals import Signal
+from haptics.table_faults import fault_in_words
 
 AnyEffect = Annotated[ContactEffect | FixedSetEffect | PatternEffect | ProximityEffect | GraspEffect, Field(discriminator="kind")]
-Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
+Name = Annotated[
+    str, Field(pattern=r"^[a-z][a-z0-9_]*$", description="lower-case letters, digits and underscores, beginning with a letter")
+]
 
 
 class _Table(BaseModel):
@@ -33,7 +36,15 @@ class _Table(BaseModel):
 
 
 class MeshFile(_Table):
-    """A closed triangle mesh in a file beside the scene file; see ``load_mesh``."""
+    """A closed triangle mesh in a file beside the scene file; see ``load_mesh``.
+
+    :param kind: always ``mesh``.
+    :param file: path relative to the scene file.
+    :param scale: metres per unit of the file, above 0; None: by ``units``.
+    :param units: the file's unit; None: by ``scale``, or metres.
+    :param up: axis of the file that points up; None: y.
+    :param repair: close holes by flat caps.
+    """
 
     kind: Literal["mesh"]
     file: str
@@ -44,7 +55,18 @@ class MeshFile(_Table):
 
 
 class ObjectTable(_Table):
-    """One ``[[objects]]`` table."""
+    """One ``[[objects]]`` table.
+
+    :param name: lower-case letters, digits and underscores, beginning with a letter.
+    :param shape: a shape by its numbers, or a mesh file.
+    :param position_m: relative to what ``placement`` names, metres.
+    :param orientation_xyzw: unit quaternion.
+    :param placement: ``world``, ``palm`` (relative to the hand's median palm) or ``in_hand`` (sized and placed by a closing
+        stroke).
+    :param effects: what the object does to a hand.
+    :param motion: its path; None: it stays.
+    :param summary: what it is, for people.
+    """
 
     name: Name
     shape: Annotated[Sphere | Box | Capsule | Cylinder | Plane | MeshFile, Field(discriminator="kind")]
@@ -56,7 +78,12 @@ class ObjectTable(_Table):
     summary: str = ""
 
     def object(self, folder: Path | None) -> SceneObject:
-        """The object, its mesh read if it has one."""
+        """The object, its mesh read if it has one.
+
+        :param folder: where mesh files lie; None: the current folder.
+        :return: with its pose relative to what ``placement`` names.
+        :raises InputError: a pose, mesh or effect that cannot be used.
+        """
         pose = Pose(self.position_m, self.orientation_xyzw)
         resolved = self.placement == "world"
         return SceneObject(
@@ -71,7 +98,16 @@ class ObjectTable(_Table):
 
 
 class SceneFile(_Table):
-    """A whole scene file."""
+    """A whole scene file.
+
+    :param summary: what the scene is, for people; at least one character.
+    :param source: where the scene comes from, such as a thesis section.
+    :param grasp_rule: ``rearming`` or ``thesis``.
+    :param objects: the ``[[objects]]`` tables.
+    :param signals: body signals with profiles.
+    :param clutches: of a garment.
+    :param rules: which engage them.
+    """
 
     summary: str = Field(min_length=1)
     source: str = ""
@@ -82,7 +118,13 @@ class SceneFile(_Table):
     rules: tuple[Annotated[ByGrasp | HeldPosture | SelectiveResistance | OnContact, Field(discriminator="kind")], ...] = ()
 
     def scene(self, name: str, objects: tuple[SceneObject, ...]) -> Scene:
-        """The scene, from the objects that its tables gave."""
+        """The scene, made from the objects that its tables gave.
+
+        :param name: of the scene.
+        :param objects: in the file's order.
+        :return: not yet placed.
+        :raises InputError: parts that do not go together, as ``Scene`` refuses them.
+        """
         return Scene(
             name=name,
             objects=objects,
@@ -98,7 +140,11 @@ class SceneFile(_Table):
 def read_scene(text: str, name: str, place: str, folder: Path | None = None) -> Scene:
     """A scene from a file's text.
 
-    :param place: what to call the file in messages. :param folder: where its mesh files lie.
+    :param text: TOML.
+    :param name: of the scene.
+    :param place: what to call the file in messages.
+    :param folder: where its mesh files lie; None: the current folder.
+    :return: not yet placed.
     :raises InputError: not TOML, or not a scene; with file, line and key.
     """
     try:
@@ -107,11 +153,11 @@ def read_scene(text: str, name: str, place: str, folder: Path | None = None) -> 
     except tomllib.TOMLDecodeError as error:
         raise InputError(f"{place} is not TOML: {error}") from error
     except (TypeError, RecursionError) as error:
-        raise InputError(f"{place}: {error}; allowed: texts, numbers, true, false, arrays and tables") from error
+        raise InputError(f"{place}: {error}; expected texts, numbers, true, false, arrays and tables") from error
     try:
         file = SceneFile.model_validate_json(as_json, strict=True)
     except ValidationError as error:
-        raise InputError(_explained(error, text, place)) from error
+        raise InputError(_explained(error, text, place, data)) from error
     objects = tuple(_object(table, index, folder, text, place) for index, table in enumerate(file.objects))
     try:
         return file.scene(name, objects)
@@ -126,16 +172,13 @@ def _object(table: ObjectTable, index: int, folder: Path | None, text: str, plac
         raise InputError(f"{place}:{_line_of(text, ('objects', index))}: object {table.name!r}: {error}") from error
 
 
-def _explained(error: ValidationError, text: str, place: str) -> str:
-    """Every fault on a line of its own: file, line, key, what is wrong, what was found."""
-    faults = []
-    for fault in error.errors(include_url=False):
-        key = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in fault["loc"]).lstrip(".")
-        found = fault["input"]
-        seen = f" (found {found!r:.60})" if isinstance(found, str | int | float | bool) else ""
-        what = fault["msg"].removeprefix("Value error, ")
-        faults.append(f"{place}:{_line_of(text, fault['loc'])}: {key or 'the file'}: {what}{seen}")
-    return "\n".join(faults)
+def _explained(error: ValidationError, text: str, place: str, data: dict) -> str:
+    """Every fault on a line of its own: file, line, and what is wrong."""
+    schema = SceneFile.model_json_schema()
+    return "\n".join(
+        f"{place}:{_line_of(text, fault['loc'])}: {fault_in_words(fault, schema, data)}"
+        for fault in error.errors(include_url=False)
+    )
 
 
 def _line_of(text: str, keys: tuple[int | str, ...]) -> int:

@@ -23,8 +23,10 @@ IN_HAND_SHAPES = (Sphere, Cylinder, Box)
 class Motion:
     """A path of an object: straight from keyframe to keyframe, added to where it is placed, in world axes.
 
-    :param time_s: increasing, from 0 up; :param offset_m: as many, three numbers each.
+    :param time_s: increasing, from 0 up, s.
+    :param offset_m: one for each time, three numbers each, metres.
     :param repeat: start over after the last keyframe.
+    :raises InputError: times not increasing, or not as many offsets.
     """
 
     __pydantic_config__: ClassVar[dict] = {"extra": "forbid", "allow_inf_nan": False}
@@ -36,7 +38,11 @@ class Motion:
         check_times("motion", self.time_s, len(self.offset_m), "offset_m")
 
     def at(self, time_s: float) -> Array:
-        """The offset, (3,), metres, at ``time_s`` from the start of the run."""
+        """The offset at a moment.
+
+        :param time_s: from the start of the run, s.
+        :return: (3,), metres.
+        """
         index, along, _ = locate(self.time_s, time_s, self.repeat)
         start, end = self.offset_m[index], self.offset_m[min(index + 1, len(self.offset_m) - 1)]
         return np.asarray(start, float) * (1.0 - along) + np.asarray(end, float) * along
@@ -44,7 +50,16 @@ class Motion:
 
 @dataclass(frozen=True)
 class SceneObject:
-    """One object. Until ``resolved``, its body's pose is relative to what ``placement`` names."""
+    """One object. Until ``resolved``, its body's pose is relative to what ``placement`` names.
+
+    :param name: unique in its scene.
+    :param body: shape and pose.
+    :param effects: what it does to a hand; one grasp effect at most.
+    :param placement: ``world``, ``palm`` or ``in_hand``.
+    :param motion: its path, added to the pose; None: it stays where it is.
+    :param summary: what it is, for people.
+    :param resolved: whether the body's pose is in world coordinates.
+    """
 
     name: str
     body: Placed
@@ -55,7 +70,11 @@ class SceneObject:
     resolved: bool = True
 
     def body_at(self, time_s: float) -> Placed:
-        """The body ``time_s`` after the start of the run."""
+        """The body at a moment, moved along its path.
+
+        :param time_s: from the start of the run, s.
+        :return: shape and pose.
+        """
         return self.body if self.motion is None else self.body.at(self.body.pose.shifted(self.motion.at(time_s)))
 
     @property
@@ -65,7 +84,13 @@ class SceneObject:
 
 
 def place_by_palm(item: SceneObject, palm_m: Array, mirror: bool) -> SceneObject:
-    """The object shifted by the palm's place (3,), metres; mirrored to the other side first for a left hand."""
+    """The object shifted to a palm; mirrored to the other side first for a left hand.
+
+    :param item: an object with its pose relative to the palm.
+    :param palm_m: the palm's position, (3,), metres.
+    :param mirror: whether the hand is a left one.
+    :return: the object in world coordinates.
+    """
     pose, motion = item.body.pose, item.motion
     if mirror:
         x, y, z = pose.position_m
@@ -77,7 +102,12 @@ def place_by_palm(item: SceneObject, palm_m: Array, mirror: bool) -> SceneObject
 
 
 def size_in_hand(item: SceneObject, found: InHand) -> SceneObject:
-    """Sized and turned so that both tips touch it at ``found.time_ns``, with as little turning as that takes."""
+    """The object sized and turned so that both tips touch it at ``found.time_ns``, with as little turning as that takes.
+
+    :param item: an object with a sphere, a cylinder or a box.
+    :param found: where the tips meet it.
+    :return: the object in world coordinates.
+    """
     shape, turn = item.body.shape, item.body.pose
     ray = np.asarray(found.axis, float)
     if isinstance(shape, Box):
@@ -96,6 +126,7 @@ def size_in_hand(item: SceneObject, found: InHand) -> SceneObject:
 def check_object(item: SceneObject) -> None:
     """Refuse what an object cannot be, whoever made it.
 
+    :param item: the object.
     :raises InputError: an unknown placement, two grasps, a grasp with a motion, or a shape that cannot be sized in the hand.
     """
     one_of("placement", item.placement, PLACEMENTS)
@@ -104,7 +135,7 @@ def check_object(item: SceneObject) -> None:
         raise InputError(f"object {item.name!r} has {kinds.count('grasp')} grasp effects; allowed: one at most")
     if item.grasp is not None and item.motion is not None:
         raise InputError(
-            f"object {item.name!r} has a grasp effect and a motion; allowed: one of them, as a grasped object follows the hand"
+            f"object {item.name!r} has a grasp effect and a motion; give one of them, as a grasped object follows the hand"
         )
     if item.placement == "in_hand" and not isinstance(item.body.shape, IN_HAND_SHAPES):
         allowed = ", ".join(shape.__name__.lower() for shape in IN_HAND_SHAPES)

@@ -62,20 +62,28 @@ left hand is its mirror image; as the patterns run from one anatomical side to t
 
 @dataclass(frozen=True)
 class Pulse:
-    """One pulse of a refresh: ``phase`` in [0, 1) of the refresh, and the site's index in ``SITES``."""
+    """One pulse of a refresh.
+
+    :param phase: when, as a share of the refresh, in [0, 1).
+    :param site: 0 to 14, the place in ``SITES``.
+    """
 
     phase: float
     site: int
 
 
 def refresh_pulses(pattern: str, refresh: int = 0, direction: str = "forward") -> tuple[Pulse, ...]:
-    """The pulses of the ``refresh``-th passage (from 0), in order of time. The same arguments give the same pulses.
+    """The pulses of one passage through the hand. The same arguments give the same pulses.
 
     ``line_forward``: the hand moves forward over a ridge, so the fingertips are met first and the heel of the hand last.
     ``line_sideways``: from the little finger's side to the thumb's. ``radial``: rings grow from the palm's centre.
     ``particle``: three dots cross from the little finger's side to the thumb's, each meeting one site; five refreshes
     visit every site once, in shuffled sets. ``reverse`` runs each of them backwards.
 
+    :param pattern: one of ``PATTERNS``.
+    :param refresh: number of the passage, from 0; only ``particle`` differs from one to the next.
+    :param direction: ``forward`` or ``reverse``.
+    :return: in order of time.
     :raises InputError: no such pattern or direction, or a refresh below 0.
     """
     one_of("pattern", pattern, PATTERNS)
@@ -106,9 +114,13 @@ def _dots(refresh: int) -> Sequence[int]:
 def stimulus(
     pattern: str, duration_s: float = REFERENCE_S, rate_scale: float = 1.0, direction: str = "forward"
 ) -> list[tuple[float, str]]:
-    """The whole stimulus as (seconds from its start, site), in order of time.
+    """The whole stimulus.
 
-    :param duration_s: 0 to 3600 s; :param rate_scale: 0.1 to 10, multiplies the pattern's refresh rate.
+    :param pattern: one of ``PATTERNS``.
+    :param duration_s: 0 to 3600 s.
+    :param rate_scale: 0.1 to 10, multiplies the pattern's refresh rate.
+    :param direction: ``forward`` or ``reverse``.
+    :return: (seconds from its start, site's name), in order of time.
     :raises InputError: an argument out of its range.
     """
     in_range("duration_s", duration_s, 0.0, 3600.0, "s")
@@ -120,7 +132,8 @@ def stimulus(
 class PatternPlayer:
     """Plays one pattern from a start until it is stopped, handing out each pulse once, in order of time.
 
-    :param pattern: one of ``PATTERNS``; :param direction: one of ``DIRECTIONS``.
+    :param pattern: one of ``PATTERNS``.
+    :param direction: one of ``DIRECTIONS``.
     :param rate_scale: 0.1 to 10, multiplies the refresh rate and with it the speed of the passage.
     :param duration_s: ends by itself after so long (the reference lasts 1 s); ``None`` goes on until stopped.
     :param sites: pulse only these; ``None`` is all fifteen.
@@ -157,15 +170,19 @@ class PatternPlayer:
 
     @property
     def rate_scale(self) -> float:
+        """What multiplies the pattern's refresh rate at present."""
         return self._scale
 
     @property
     def refresh_hz(self) -> float:
-        """Refreshes a second at the present scale."""
+        """Refreshes a second at the present scale, Hz."""
         return REFRESH_HZ[self.pattern] * self._scale
 
     def start(self, now_ns: int) -> None:
-        """Begin a playback at ``now_ns``; one under way begins again."""
+        """Begin a playback; one that still plays begins again.
+
+        :param now_ns: when the first refresh begins.
+        """
         self._playing = True
         self._end_ns = None if self._duration_ns is None else now_ns + self._duration_ns
         self._anchor_ns, self._anchor_phase = now_ns, 0.0
@@ -176,8 +193,10 @@ class PatternPlayer:
         self._playing = False
 
     def set_rate_scale(self, scale: float, now_ns: int) -> None:
-        """Go on at another rate from ``now_ns`` without a jump in the pattern: no pulse is lost or repeated.
+        """Go on at another rate without a jump in the pattern: no pulse is lost or repeated.
 
+        :param scale: 0.1 to 10.
+        :param now_ns: from when on.
         :raises InputError: ``scale`` outside 0.1 to 10.
         """
         scale = _checked_scale(scale)
@@ -189,10 +208,14 @@ class PatternPlayer:
         self._scale = scale
 
     def due(self, now_ns: int, until_ns: int) -> list[tuple[int, int]]:
-        """Pulses with ``now_ns <= time < until_ns`` that were not handed out before, as (time_ns, site index).
+        """Hand out the pulses with ``now_ns <= time < until_ns`` that were not handed out before.
 
-        Pulses that fell due before ``now_ns`` and were never asked for are dropped, as a pattern late is a pattern wrong;
+        Pulses that fell due before ``now_ns`` and were never asked for are dropped, as a late pulse would distort the pattern;
         ``take_missed`` has them.
+
+        :param now_ns: beginning of the window.
+        :param until_ns: end of the window, itself excluded.
+        :return: (time_ns, site index), in order of time.
         """
         found: list[tuple[int, int]] = []
         while self._playing:
@@ -216,7 +239,10 @@ class PatternPlayer:
         return found
 
     def take_missed(self) -> list[int]:
-        """Site indices of the pulses that were dropped since the last call."""
+        """Hand out what was dropped since the last call.
+
+        :return: site indices of the pulses.
+        """
         missed, self._missed = self._missed, []
         return missed
 

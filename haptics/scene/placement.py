@@ -2,9 +2,9 @@
 
 *At the palm*: at an offset in the palm's axes. *In the hand*: where thumb and index close on it. A closing stroke is a fall
 of the distance D between their tips from a local maximum to the next local minimum; it qualifies as a grasp if it falls by
-50 mm or more to under 0.4 of its opening. The object of the first qualifying stroke is as wide as half way,
+50 mm or more to under 0.4 of its opening. The object of the first qualifying stroke is as wide as at half the fall,
 ``span = D_min + 0.5 (D_max - D_min)`` between the tips' centres, so its radius is ``span / 2 - tip radius``, and it sits
-half way between the tips at the moment D crosses the span.
+midway between the tips at the moment D crosses the span.
 """
 
 from __future__ import annotations
@@ -36,8 +36,8 @@ class Stroke:
 
     :param start_ns: when they are widest apart.
     :param end_ns: when they are closest.
-    :param d_max_m: the distance of their tips' centres at the start.
-    :param d_min_m: the same at the end.
+    :param d_max_m: the distance of their tips' centres at the start, metres.
+    :param d_min_m: the same at the end, metres.
     """
 
     start_ns: int
@@ -60,10 +60,10 @@ class Stroke:
 class InHand:
     """An object placed in the hand.
 
-    :param centre_m: (3,).
+    :param centre_m: (3,), metres.
     :param axis: (3,), unit, from the thumb's tip to the index's.
-    :param radius_m: of a sphere that both tips touch at ``time_ns``.
-    :param span_m: distance of the tips' centres then.
+    :param radius_m: of a sphere that both tips touch at ``time_ns``, metres.
+    :param span_m: distance of the tips' centres then, metres.
     :param time_ns: when the tips reach it.
     :param track_id: of the hand that does.
     :param stroke: with which it does.
@@ -80,27 +80,43 @@ class InHand:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AtPalm:
-    """An object placed relative to the palm: ``centre_m`` (3,), and the palm's ``orientation_xyzw`` (4,)."""
+    """An object placed relative to the palm.
+
+    :param centre_m: (3,), metres, in the world.
+    :param orientation_xyzw: (4,), the palm's, unit quaternion.
+    """
 
     centre_m: Floats
     orientation_xyzw: Floats
 
 
 def closing_strokes(track: HandTrack) -> list[Stroke]:
-    """All qualifying strokes of a track, in order; one that the track's end cuts short counts as far as it got."""
+    """The strokes of a track that qualify as a grasp; one that the track's end cuts short counts as far as it got.
+
+    :param track: one hand.
+    :return: in order of time.
+    """
     distance_m = np.linalg.norm(track.joint_m("index_tip") - track.joint_m("thumb_tip"), axis=1).tolist()
     return [stroke for first, last in _falls(distance_m) if (stroke := _stroke(track, distance_m, first, last)).qualifies]
 
 
 def expected_grasps(recording: HandRecording, side: str | None = None) -> int:
-    """How often a hand closes as if to grasp; ``side`` as in :func:`place_in_hand`."""
+    """How often a hand closes as if to grasp.
+
+    :param recording: of one or both hands.
+    :param side: ``left`` or ``right``; None: the one with most frames.
+    :return: the number of qualifying strokes in all its tracks.
+    :raises InputError: another side.
+    """
     return sum(len(closing_strokes(track)) for track in _tracks(recording, side))
 
 
 def place_in_hand(recording: HandRecording, side: str | None = None) -> InHand | None:
-    """Where the first qualifying stroke meets its object; ``None`` if the hand never closes so.
+    """Where the first qualifying stroke meets its object.
 
-    :param side: ``left`` or ``right``; by default the one with most frames.
+    :param recording: of one or both hands.
+    :param side: ``left`` or ``right``; None: the one with most frames.
+    :return: or None if the hand never closes so.
     :raises InputError: another side.
     """
     for track in _tracks(recording, side):
@@ -114,18 +130,20 @@ def place_at_palm(
 ) -> AtPalm:
     """A place fixed to the palm as it is at one pose: ``c = p + R o``.
 
+    :param recording: of one or both hands.
     :param offset_m: ``o``, (3,), metres, in the palm's axes: x to the right seen from behind, -y out of the palm, -z forward.
-    :param side: ``left`` or ``right``; by default the one with most frames.
+    :param side: ``left`` or ``right``; None: the one with most frames.
     :param at: ``first`` pose of the recording, or ``median``: the middle of all its palm positions, and the mean direction.
+    :return: the place in the world, and the palm's orientation.
     :raises InputError: another side or ``at``, a hand that the recording does not have, or an offset of another shape.
     """
     one_of("at", at, ("first", "median"))
     offset = np.asarray(offset_m, float)
     if offset.shape != (3,) or not np.isfinite(offset).all():
-        raise InputError(f"offset_m = {offset_m!r} is not allowed; allowed: three finite numbers, metres")
+        raise InputError(f"offset_m = {offset_m!r}; expected three finite numbers, metres")
     tracks = _tracks(recording, side)
     if not tracks:
-        raise InputError(f"{recording.source} has no {side or recording.side_with_most_frames} hand; allowed: a hand it has")
+        raise InputError(f"{recording.source} has no {side or recording.side_with_most_frames} hand")
     palm_m = np.concatenate([track.position_m[:, JOINT["palm"]] for track in tracks])
     turn = np.concatenate([track.orientation_xyzw[:, JOINT["palm"]] for track in tracks])
     if at == "first":

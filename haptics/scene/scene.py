@@ -1,4 +1,4 @@
-"""A scene in use: objects with their effects, body signals, clutches and rules, and what devices all that asks for.
+"""A scene in use: objects with their effects, body signals, clutches and rules, and the devices that all this needs.
 
 A ``Scene`` never changes; placing or moving an object gives another one. What happens over time (touches, grasps,
 patterns) is kept by the trackers of ``contact``, ``grasp``, ``effects`` and ``clutch_rules``, which are made from it.
@@ -33,12 +33,20 @@ from haptics.scene.patterns import REFRESH_HZ
 from haptics.scene.placement import InHand, place_at_palm, place_in_hand
 from haptics.scene.signals import BodySignals, Signal
 from haptics.scene.sites import SITES
-from haptics.units import in_range, one_of
+from haptics.units import in_range, nearest, one_of
 
 
 @dataclass(frozen=True)
 class Clutch:
-    """An electrostatic clutch of a garment (14 cm by 1 cm at 350 V stated, thesis 6.3.3)."""
+    """An electrostatic clutch of a garment (14 cm by 1 cm at 350 V stated, thesis 6.3.3).
+
+    :param name: unique in its scene.
+    :param where: on the body, in words.
+    :param length_m: along the pull, 0.01 to 1 m.
+    :param width_m: 0.001 to 0.2 m.
+    :param amplitude_v: of its drive, 0 to 1500 V.
+    :raises InputError: a number out of its range.
+    """
 
     __pydantic_config__: ClassVar[dict] = {"extra": "forbid", "allow_inf_nan": False}
     name: str
@@ -58,11 +66,16 @@ class SceneNeeds:
     """What a scene can ask of hand, models and devices; what is not named here need not exist.
 
     :param sites: hand sites whose distance to some object matters, in the order of ``SITES``.
-    :param pins: sites driven in contact mode. :param pulses: sites driven in pulse mode.
-    :param patterns: spatial patterns played. :param refresh_hz: fastest refresh of any of them; 0 without patterns.
-    :param brakes: fingers whose brake may hold. :param brake_v: highest amplitude asked of them, volts.
-    :param piezos: fingers whose piezo may shake. :param clutches: garment clutches that a rule may engage.
-    :param signals: body signals that a rule reads. :param shapes: kinds of shape.
+    :param pins: sites driven in contact mode.
+    :param pulses: sites driven in pulse mode.
+    :param patterns: spatial patterns played.
+    :param refresh_hz: fastest refresh of any of them, Hz; 0 without patterns.
+    :param brakes: fingers whose brake may hold.
+    :param brake_v: highest amplitude asked of them, V.
+    :param piezos: fingers whose piezo may shake.
+    :param clutches: garment clutches that a rule may engage.
+    :param signals: body signals that a rule reads.
+    :param shapes: kinds of shape, by class name.
     """
 
     sites: tuple[str, ...] = ()
@@ -79,7 +92,7 @@ class SceneNeeds:
 
     @property
     def tactiles(self) -> bool:
-        """Whether the array of actuators is used at all."""
+        """Whether the array of tactors is used at all."""
         return bool(self.pins or self.pulses)
 
 
@@ -87,6 +100,14 @@ class SceneNeeds:
 class Scene:
     """Objects, signals, clutches and rules under a name.
 
+    :param name: of the scene.
+    :param objects: each with a name of its own.
+    :param signals: body signals with profiles.
+    :param clutches: of a garment.
+    :param rules: which engage them.
+    :param grasp_rule: ``rearming`` or ``thesis``.
+    :param summary: what it is, for people.
+    :param source: where it comes from, such as a thesis section.
     :param absent: objects left out when the scene was placed, each with the reason.
     :raises InputError: two objects of one name, a rule about something that is not there, or an unknown grasp rule.
     """
@@ -105,7 +126,9 @@ class Scene:
         one_of("grasp_rule", self.grasp_rule, RULES)
         for what, names in (("object", self.names), ("signal", _names(self.signals)), ("clutch", _names(self.clutches))):
             if twice := sorted({name for name in names if names.count(name) > 1}):
-                raise InputError(f"{what} {twice[0]!r} appears more than once in scene {self.name!r}; allowed: each name once")
+                raise InputError(
+                    f"{what} {twice[0]!r} appears more than once in scene {self.name!r}; each needs a name of its own"
+                )
         for item in self.objects:
             check_object(item)
         known = self.names + tuple(name for name, _ in self.absent)
@@ -115,7 +138,7 @@ class Scene:
             _check_known(rule.kind, "clutch", rule.clutches, _names(self.clutches))
             if rule.kind == "by_grasp" and any(item.name == rule.object and item.grasp is None for item in self.objects):
                 raise InputError(
-                    f"rule by_grasp: object {rule.object!r} has no grasp effect; allowed: an object that can be grasped"
+                    f"rule by_grasp: object {rule.object!r} has no grasp effect; give it one, or name an object that has one"
                 )
 
     @property
@@ -126,12 +149,15 @@ class Scene:
     def object(self, name: str) -> SceneObject:
         """An object by its name.
 
+        :param name: the object's.
+        :return: the object.
         :raises InputError: no such object.
         """
         for item in self.objects:
             if item.name == name:
                 return item
-        raise InputError(f"object = {name!r} is not in scene {self.name!r}; allowed: {', '.join(self.names) or 'none'}")
+        known = (", ".join(self.names) or "none") + nearest(name, self.names)
+        raise InputError(f"object = {name!r} is not in scene {self.name!r}; its objects: {known}")
 
     @property
     def effects(self) -> dict[str, tuple[Effect, ...]]:
@@ -158,6 +184,9 @@ class Scene:
     def moved(self, name: str, pose: Pose) -> Scene:
         """The scene with one object elsewhere in the world.
 
+        :param name: the object's.
+        :param pose: in the world.
+        :return: another scene; this one stays as it is.
         :raises InputError: no such object.
         """
         there = replace(self.object(name), body=self.object(name).body.at(pose), resolved=True)
@@ -166,11 +195,15 @@ class Scene:
     def placed(self, palm_m: Sequence[float] | Array | None, in_hand: InHand | None = None, side: str = "right") -> Scene:
         """The scene with every object in world coordinates.
 
-        ``palm`` objects are shifted by ``palm_m`` (3,), axes staying the world's so that a table stays level, and
+        ``palm`` objects are shifted by ``palm_m``, axes staying the world's so that a table stays level, and
         mirrored to the other side for a left hand. ``in_hand`` objects take the centre and radius of ``in_hand``, a
         cylinder across the ray from thumb to index, a box with its x edge along it. Without a place an object is left
         out and named in ``absent``.
 
+        :param palm_m: the palm's position, (3,), metres; None: no hand.
+        :param in_hand: where the tips meet an object; None: they do not.
+        :param side: ``left`` or ``right``.
+        :return: another scene; this one stays as it is.
         :raises InputError: an unknown side.
         """
         one_of("side", side, ("left", "right"))
@@ -189,33 +222,52 @@ class Scene:
         return replace(self, objects=tuple(there), absent=tuple(absent))
 
     def placed_for(self, recording: HandRecording, side: str | None = None) -> Scene:
-        """The scene placed for a recorded hand: its median palm, and its first closing stroke.
+        """The scene placed for a recorded hand: by its median palm, and its first closing stroke.
 
-        :param side: ``left`` or ``right``; by default the one with most frames.
+        :param recording: of one or both hands.
+        :param side: ``left`` or ``right``; None: the one with most frames.
+        :return: another scene; this one stays as it is.
         :raises InputError: an unknown side, or a hand that the recording does not have.
         """
         side = recording.side_with_most_frames if side is None else side
         return self.placed(place_at_palm(recording, side=side, at="median").centre_m, place_in_hand(recording, side), side)
 
     def contact_tracker(self) -> ContactTracker:
-        """A tracker of touches and pins for this scene."""
+        """Make a tracker of touches with this scene's objects.
+
+        :return: with nothing touched.
+        """
         return ContactTracker(self.effects)
 
     def pattern_bank(self) -> PatternBank:
-        """The players of this scene's patterns."""
+        """Make the players of this scene's patterns.
+
+        :return: with nothing playing.
+        """
         return PatternBank(self.effects)
 
     def grasp_tracker(self, rule: str | None = None) -> GraspTracker:
-        """A tracker of grasps among this scene's graspable objects; ``rule`` overrides the scene's."""
+        """Make a tracker of grasps among this scene's graspable objects.
+
+        :param rule: ``rearming`` or ``thesis``; None: the scene's.
+        :return: with nothing held.
+        :raises InputError: an unknown rule.
+        """
         bodies = {item.name: item.body for item in self.objects if item.grasp is not None}
         return GraspTracker(bodies, grasp_rule(rule or self.grasp_rule))
 
     def clutch_rules(self) -> ClutchRules:
-        """The clutch rules in play."""
+        """Make this scene's clutch rules, ready to run.
+
+        :return: with no clutch engaged.
+        """
         return ClutchRules(self.rules)
 
     def body_signals(self) -> BodySignals:
-        """The body's signals, from the scene's profiles until an engine supplies them."""
+        """Make the body's signals, from the scene's profiles until an engine supplies them.
+
+        :return: with nothing supplied.
+        """
         return BodySignals({signal.name: signal for signal in self.signals})
 
     @property
@@ -253,7 +305,8 @@ class Scene:
 def _check_known(rule: str, what: str, asked: Iterable[str], known: tuple[str, ...]) -> None:
     for name in asked:
         if name not in known:
-            raise InputError(f"rule {rule}: {what} {name!r} is not in the scene; allowed: {', '.join(known) or 'none'}")
+            there = (", ".join(known) or "none") + nearest(name, known)
+            raise InputError(f"rule {rule}: {what} {name!r} is not in the scene; it has: {there}")
 
 
 def _in_order(sites: set[str]) -> tuple[str, ...]:

@@ -27,7 +27,9 @@ LARGEST_ANGLE_RAD = 2.0 * math.pi
 class Signal:
     """A named angle with a profile through keyframes; constant before the first and after the last.
 
-    :param time_s: increasing, from 0 up. :param angle_rad: as many, within ±2π.
+    :param name: unique in its scene.
+    :param time_s: increasing, from 0 up, s.
+    :param angle_rad: one for each time, within ±2π rad.
     :param repeat: start over after the last keyframe.
     :raises InputError: times not increasing, lengths that differ, or out of range.
     """
@@ -44,7 +46,11 @@ class Signal:
             in_range(f"signal {self.name!r} angle_rad", angle, -LARGEST_ANGLE_RAD, LARGEST_ANGLE_RAD, "rad")
 
     def at(self, time_s: float) -> tuple[float, float]:
-        """Angle and its rate, rad and rad/s, at ``time_s`` from the start of the run."""
+        """The signal at a moment.
+
+        :param time_s: from the start of the run, s.
+        :return: the angle, rad, and its rate, rad/s.
+        """
         index, along, span_s = locate(self.time_s, time_s, self.repeat)
         start, end = self.angle_rad[index], self.angle_rad[min(index + 1, len(self.angle_rad) - 1)]
         if span_s == 0.0:
@@ -64,8 +70,11 @@ class BodySignals:
         self._supplied: dict[str, tuple[int, float, float]] = {}
 
     def supply(self, name: str, time_ns: int, angle_rad: float) -> None:
-        """A measured angle; its rate is the difference to the one before, when that is not stale.
+        """Take a measured angle; its rate is the difference to the one before, when that is not stale.
 
+        :param name: of the signal.
+        :param time_ns: when it was measured; later than the last one of this name.
+        :param angle_rad: within ±2π rad.
         :raises InputError: not finite, beyond ±2π, or not newer than the one before.
         """
         angle = in_range(f"signal {name!r} angle_rad", angle_rad, -LARGEST_ANGLE_RAD, LARGEST_ANGLE_RAD, "rad")
@@ -79,8 +88,11 @@ class BodySignals:
         self._supplied[name] = (time_ns, angle, rate)
 
     def read(self, name: str, time_ns: int) -> tuple[float, float] | None:
-        """Angle and rate (rad, rad/s), or ``None`` where nothing fresh is known. A signal once supplied has no
-        profile any more.
+        """The signal now. A signal once supplied has no profile any more.
+
+        :param name: of the signal.
+        :param time_ns: on the clock of ``supply``; 0 is the start of the run.
+        :return: angle and rate (rad, rad/s), or None where nothing fresh is known.
         """
         if name in self._supplied:
             at_ns, angle, rate = self._supplied[name]
@@ -90,20 +102,37 @@ class BodySignals:
 
 
 def minimum_jerk(along: float) -> float:
-    """``10 s³ − 15 s⁴ + 6 s⁵`` for s in [0, 1]."""
+    """``10 s³ − 15 s⁴ + 6 s⁵`` (Flash and Hogan 1985).
+
+    :param along: ``s``, share of the time, 0 to 1.
+    :return: share of the movement, 0 to 1.
+    """
     return along**3 * (10.0 + along * (6.0 * along - 15.0))
 
 
 def check_times(what: str, time_s: Sequence[float], count: int, other: str) -> None:
-    """Refuse keyframe times that are not increasing from 0 or more, or not as many as ``count``."""
+    """Check the times of keyframes.
+
+    :param what: what messages call the thing with the keyframes.
+    :param time_s: increasing, from 0 up, s; at least one.
+    :param count: how many values go with them.
+    :param other: the name of these values.
+    :raises InputError: no time, not as many as ``count``, or not increasing from 0 or more.
+    """
     if not time_s or len(time_s) != count:
-        raise InputError(f"{what} has {len(time_s)} time_s and {count} {other}; allowed: as many of both, at least one")
+        raise InputError(f"{what} has {len(time_s)} time_s and {count} {other}; expected as many of both, at least one")
     if time_s[0] < 0.0 or any(b <= a for a, b in pairwise(time_s)):
-        raise InputError(f"{what} time_s = {list(time_s)} is not allowed; allowed: increasing, from 0 up")
+        raise InputError(f"{what} time_s = {list(time_s)}; expected increasing times, 0 s or more")
 
 
 def locate(times_s: Sequence[float], time_s: float, repeat: bool) -> tuple[int, float, float]:
-    """The keyframe interval that holds ``time_s``: its index, the share of it passed, its length (0 outside all)."""
+    """Find the keyframe interval that holds a moment.
+
+    :param times_s: increasing, s; at least one.
+    :param time_s: the moment, s.
+    :param repeat: start over after the last keyframe.
+    :return: the interval's index, the share of it that has passed, and its length, s (0 outside all).
+    """
     if repeat and len(times_s) > 1 and time_s > times_s[-1]:
         time_s = times_s[0] + (time_s - times_s[0]) % (times_s[-1] - times_s[0])
     if time_s <= times_s[0]:

@@ -1,10 +1,10 @@
-"""Where the fifteen actuators sit on a hand.
+"""Where the fifteen tactors sit on a hand.
 
 Five fingertips, four intermediate phalanges (not the little finger's), five on the palm at the base of each finger, and one
 on the outer palm below the thumb (thesis 3.4.6), in the order of their channels. A site is a sphere: its centre is a fixed
 blend of joints plus an offset fixed to one joint, and its far side is the skin.
 
-A fingertip's sphere is the tip joint with 7 mm. The others are assumed: a sphere of 5 mm (an actuator is 8 x 9.5 mm, thesis
+A fingertip's sphere is the tip joint with 7 mm. The others are assumed: a sphere of 5 mm (a tactor is 8 x 9.5 mm, thesis
 3.4.2) whose far side lies 8 mm to the palmar side of a phalanx's bone, and 12 mm to that of a knuckle.
 """
 
@@ -19,14 +19,14 @@ from numpy.typing import ArrayLike
 from haptics.errors import InputError
 from haptics.scene.hands.frame import Floats
 from haptics.scene.hands.joints import JOINT
-from haptics.units import in_range
+from haptics.units import in_range, nearest
 
 TIP_RADIUS_M = 0.007
 PAD_RADIUS_M = 0.005
 PHALANX_SKIN_M = 0.008
 PALM_SKIN_M = 0.012
 LARGEST_OFFSET_M = 0.05
-"""A calibration that moves an actuator farther than this from its joint names the wrong site (assumed)."""
+"""A calibration that moves a tactor farther than this from its joint names the wrong site (assumed)."""
 
 # site: joints with their weights; the joint whose axes the offset is in; depth of the skin below the bone; radius
 _TIP = {finger: ({f"{finger}_tip": 1.0}, f"{finger}_tip", TIP_RADIUS_M, TIP_RADIUS_M)
@@ -71,13 +71,25 @@ class SiteMap:
 
     @classmethod
     def of(cls, weights: ArrayLike, offset_joint: ArrayLike, offset_m: ArrayLike, radius_m: ArrayLike) -> SiteMap:
-        """A map from its parts."""
+        """A map from its parts.
+
+        :param weights: ``W``, (15, 26), rows that sum to one.
+        :param offset_joint: ``f``, (15,), indices in ``JOINTS``.
+        :param offset_m: ``o``, (15, 3), metres, in the axes of its joint.
+        :param radius_m: (15,), metres.
+        :return: the map, ready to use.
+        """
         joint, offset = np.asarray(offset_joint), np.asarray(offset_m, float)
         left, right, rotation = _rotation_form(joint, offset)
         return cls(np.asarray(weights, float), joint, offset, np.asarray(radius_m, float), left, right, rotation)
 
     def positions(self, position_m: Floats, orientation_xyzw: Floats) -> Floats:
-        """The sites' centres, (..., 15, 3), of joints (..., 26, 3) with unit quaternions (..., 26, 4)."""
+        """The sites' centres.
+
+        :param position_m: joints, (..., 26, 3), metres.
+        :param orientation_xyzw: unit quaternions, (..., 26, 4).
+        :return: (..., 15, 3), metres.
+        """
         flat = orientation_xyzw.reshape(*orientation_xyzw.shape[:-2], 104)
         products = flat.take(self._left, -1) * flat.take(self._right, -1)
         centres = self.weights @ position_m
@@ -85,17 +97,19 @@ class SiteMap:
         return centres
 
     def moved(self, offsets_m: Mapping[str, ArrayLike]) -> SiteMap:
-        """A map for one user: each named site moved by (3,) metres in the axes of its joint.
+        """A map for one user, from where the tactors really sit.
 
+        :param offsets_m: by site's name, (3,), metres in the axes of its joint, added to where it was.
+        :return: another map; this one stays as it is.
         :raises InputError: no such site, or a move beyond 50 mm along an axis.
         """
         offset = self.offset_m.copy()
         for name, by_m in offsets_m.items():
             if name not in SITE:
-                raise InputError(f"site = {name!r} is not allowed; allowed: {', '.join(SITES)}")
+                raise InputError(f"site = {name!r} is not known; known sites: {', '.join(SITES)}{nearest(name, SITES)}")
             by = np.asarray(by_m)
             if by.shape != (3,):
-                raise InputError(f"offset of {name} has shape {by.shape}; allowed: (3,), metres")
+                raise InputError(f"offset of {name} has shape {by.shape}; expected (3,), metres")
             offset[SITE[name]] += [
                 in_range(f"offset of {name} along {axis}", part, -LARGEST_OFFSET_M, LARGEST_OFFSET_M, "m")
                 for axis, part in zip("xyz", by.tolist(), strict=True)
@@ -123,7 +137,10 @@ def _rotation_form(offset_joint: np.ndarray, offset_m: Floats) -> tuple[np.ndarr
 
 
 def nominal_sites() -> SiteMap:
-    """The map of a glove nobody has calibrated; it fits either hand."""
+    """The map of a glove that nobody has calibrated.
+
+    :return: it fits either hand.
+    """
     weights, joint, offset, radius = np.zeros((15, 26)), np.zeros(15, dtype=np.intp), np.zeros((15, 3)), np.zeros(15)
     for site, (blend, frame, skin_m, radius_m) in enumerate(_LAYOUT.values()):
         for name, weight in blend.items():

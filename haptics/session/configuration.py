@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import tomllib
 from os import PathLike
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
@@ -24,6 +24,7 @@ from haptics.physics.latch.pulse import PULSE_BACK_S, PULSE_TOWARD_S, TRAIN_BACK
 from haptics.physics.thermal.one_node import THERMAL, WORST_PULSE_POWER_W, bounding
 from haptics.scene.sites import SITES
 from haptics.scheduling.coil_heat import BUILT_ON_TIME_S, CoilHeat
+from haptics.table_faults import fault_in_words
 from haptics.units import brief, file_path
 
 PortUrl = Annotated[str, AfterValidator(check_port)]
@@ -251,22 +252,6 @@ def check_configuration(table: dict, source: str) -> Configuration:
     try:
         return Configuration.model_validate(table)
     except ValidationError as error:
-        problems = "; ".join(_problem(e) for e in error.errors(include_url=False))
+        schema = Configuration.model_json_schema()
+        problems = "; ".join(fault_in_words(fault, schema, table) for fault in error.errors(include_url=False))
         raise InputError(f"configuration {source}: {problems}") from error
-
-
-def _problem(error: Any) -> str:
-    key = ".".join(map(str, error["loc"]))
-    if error["type"] == "extra_forbidden":
-        return f"there is no key {key}; allowed: {', '.join(_keys_beside(error['loc']))}"
-    return f"{key} = {brief(error.get('input'))}: {error['msg'].removeprefix('Value error, ')}"
-
-
-def _keys_beside(place: tuple[int | str, ...]) -> list[str]:
-    """The keys that the table at a place has."""
-    part: type[BaseModel] = Configuration
-    for key in place[:-1]:
-        if str(key) in part.model_fields:
-            kind: Any = part.model_fields[str(key)].annotation
-            part = next((k for k in (kind, *get_args(kind)) if isinstance(k, type) and issubclass(k, BaseModel)), part)
-    return list(part.model_fields)

@@ -56,7 +56,7 @@ def test_notes_reach_the_report_the_recording_and_slowness_is_said_before(haptic
     assert done.code == 0, done.err
     report = json.loads(done.out)
     assert report["notes"] == [
-        "thing: ball.obj: taken to be y up, as its shape does not say: 0.08 m wide, 0.08 high, 0.08 deep",
+        "thing: ball.obj: taken to be y up, as its shape does not specify: 0.08 m wide, 0.08 high, 0.08 deep",
         "thing: ball.obj: 1 vertex of no triangle left out",
     ]
     with h5py.File(tmp_path / "out.h5") as file:
@@ -83,4 +83,4 @@ def test_eighty_metres_are_asked_about_and_leave_nothing_behind(haptics, tmp_pat
     assert not (tmp_path / "out.h5").exists()
     (tmp_path / "mine.toml").write_text(SCENE + 'shape = { kind = "mesh", file = "ball.obj", units = "m" }\n')
     done = haptics("run", tmp_path / "mine.toml", "--hand", hand, "--out", tmp_path / "out.h5", "--json")
-    assert json.loads(done.out)["notes"][0].endswith("taken at its word")
+    assert json.loads(done.out)["notes"][0].endswith("kept as given")

@@ -103,7 +103,7 @@ def test_a_broken_surface_is_mended_with_a_note(tmp_path, faces, note):
 @pytest.mark.parametrize(
     ("name", "content", "message"),
     [
-        ("a.obj", OBJ + "v 0 zero 0\nf 1 2 3\n", r"a\.obj, line 5: 'v 0 zero 0'; allowed: v and three finite coordinates"),
+        ("a.obj", OBJ + "v 0 zero 0\nf 1 2 3\n", r"a\.obj, line 5: 'v 0 zero 0'; expected v and three finite coordinates"),
         ("a.obj", "v 0 0 nan\n" + OBJ + "f 1 2 3\n", r"a\.obj, line 1: 'v 0 0 nan'"),
         ("a.obj", OBJ + "f 1 2 9\n", r"a\.obj, line 5: 'f 1 2 9'; allowed: vertices 1 to 4"),
         ("a.obj", OBJ + "f 1 2\n", r"a\.obj, line 5"),
@@ -111,7 +111,7 @@ def test_a_broken_surface_is_mended_with_a_note(tmp_path, faces, note):
         ("a.obj", OBJ.replace("0.1", "100") + "f 1 2 3\nf 2 4 3\n", r"a\.obj: it is 100 m across; .* centimetres\?.* --units cm"),
         ("a.ply", "ply\nformat ascii 1.0\nrubbish\n", r"a\.ply cannot be read as PLY"),
         ("a.stl", "", r"a\.stl"),
-        ("a.glb", "glTF", r"a\.glb is of type \.glb; allowed: \.obj, \.stl, \.ply"),
+        ("a.glb", "glTF", r"a\.glb is of type \.glb; export it as one of: \.obj, \.stl, \.ply"),
     ],
 )
 def test_a_broken_file_is_refused_with_the_place(tmp_path, name, content, message):

@@ -23,7 +23,7 @@ COMMANDS = (
     "rigs/garments/command.py",
 )
 Function = ast.FunctionDef | ast.AsyncFunctionDef
-_FIELD = re.compile(r":(?:param|ivar|arg)\s+(?:[^:\n]*\s)?\*{0,2}([\w, *]+):")
+_FIELD = re.compile(r":(?:param|ivar|arg)\s+([\w, *]+):")
 
 
 def documented(text: str) -> set[str]:

@@ -1,4 +1,4 @@
-"""Files as other programs write them: the same triangles, or the line at fault and what is allowed."""
+"""Files as other programs write them: the same triangles, or the line at fault and what is expected."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def test_stl_and_ply_give_each_corner_once(tmp_path, name):
 @pytest.mark.parametrize(
     ("name", "text", "message"),
     [
-        ("a.obj", SQUARE.replace("1", "0,5") + "f 1 2 3\n", "line 2: 'v 0,5 0 0'; allowed: .* decimal commas"),
+        ("a.obj", SQUARE.replace("1", "0,5") + "f 1 2 3\n", "line 2: 'v 0,5 0 0'; expected .* decimal commas"),
         ("a.obj", SQUARE + "f 1 2 9\n", "line 5: 'f 1 2 9'; allowed: vertices 1 to 4"),
         ("a.obj", SQUARE + "f 1 2 -9\n", "line 5: .*allowed: vertices 1 to 4"),
         ("a.obj", "v 0 inf 0\n" + SQUARE + "f 1 2 3\n", "line 1: 'v 0 inf 0'"),
@@ -79,7 +79,7 @@ def test_stl_and_ply_give_each_corner_once(tmp_path, name):
         ("a.obj", "<!DOCTYPE html>\n", "no triangles; it begins '<!DOCTYPE html>'"),
         ("a.stl", "version https://git-lfs.github.com/spec/v1\n", "no triangles; it begins 'version https://git-lfs"),
         ("a.ply", SQUARE, "no triangles; it begins 'v 0 0 0'"),
-        ("a.ply", "ply\nformat ascii 1.0\nelement vertex x\n", "line 3: 'element vertex x' is nothing that a header has"),
+        ("a.ply", "ply\nformat ascii 1.0\nelement vertex x\n", "line 3: 'element vertex x' does not belong in a header"),
         (
             "a.ply",
             PLY.format("ascii", 5, "indices") + "end_header\n" + "0 " * 35,
@@ -89,7 +89,7 @@ def test_stl_and_ply_give_each_corner_once(tmp_path, name):
         ("a.ply", PLY.format("ascii", 0, "vertex_indices") + "end_header\n" + "0 " * 30, "no triangles, only 10 points"),
         ("a.obj", "ply\nformat ascii 1.0\n", "no triangles; it begins like a .ply file, and is named .obj"),
         ("a.obj", "", "a.obj is empty"),
-        ("a.gltf", "{}", r"of type \.gltf; allowed: \.obj, \.stl, \.ply; export it as one of them"),
+        ("a.gltf", "{}", r"of type \.gltf; export it as one of: \.obj, \.stl, \.ply"),
         ("mesh", "", r"of type \(none\)"),
         (
             "a.ply",

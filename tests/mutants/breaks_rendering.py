@@ -48,24 +48,6 @@ RENDERING = [
             "",
         ),
         (
-            "a grasp closes with any volts",
-            "a scene's file decides over the wearer's limit",
-            "volts = min(effect.amplitude_v, self._amplitude_v)",
-            "volts = effect.amplitude_v",
-        ),
-        (
-            "a clutch closes with any volts",
-            "a scene's file decides over the wearer's limit",
-            "{clutch.name: min(clutch.amplitude_v, clutch_amplitude_v) for clutch in scene.clutches}",
-            "{clutch.name: clutch.amplitude_v for clutch in scene.clutches}",
-        ),
-        (
-            "a lost hand keeps its clutches",
-            "a garment stays stiff around a body that nobody sees",
-            "wanted = self._rules.update(state) if not (self._quiet or self._absent) else frozenset()",
-            "wanted = self._rules.update(state)",
-        ),
-        (
             "goes on after an arming as if nothing had been",
             "volts that an off took away come back without a touch",
             "        self._forget(now_ns)\n        self._pose_ns, self._absent = None, True",
@@ -77,11 +59,41 @@ RENDERING = [
             "                self.tactiles.release(site, now_ns)\n            self._left_out.clear()",
             "                pass\n            self._left_out.clear()",
         ),
+    ),
+    *in_file(
+        "haptics/rendering/grasping.py",
+        _LOOP,
+        (
+            "a grasp closes with any volts",
+            "a scene's file decides over the wearer's limit",
+            "volts = min(effect.amplitude_v, self._amplitude_v)\n",
+            "volts = effect.amplitude_v\n",
+        ),
+    ),
+    *in_file(
+        "haptics/rendering/pace_watch.py",
+        _LOOP,
         (
             "says nothing of ticks that come too seldom",
             "touches are missing, and nobody knows why",
             "        if was or not self._overrunning:",
             "        if self._overrunning:",
+        ),
+    ),
+    *in_file(
+        "haptics/rendering/clutching.py",
+        _LOOP,
+        (
+            "a clutch closes with any volts",
+            "a scene's file decides over the wearer's limit",
+            "{clutch.name: min(clutch.amplitude_v, amplitude_v) for clutch in scene.clutches}",
+            "{clutch.name: clutch.amplitude_v for clutch in scene.clutches}",
+        ),
+        (
+            "a lost hand keeps its clutches",
+            "a garment stays stiff around a body that nobody sees",
+            "wanted = self._rules.update(state) if hand else frozenset()",
+            "wanted = self._rules.update(state)",
         ),
     ),
 ]

@@ -42,11 +42,11 @@ from haptics.scene.geometry.pose import Array
 from haptics.units import in_range, one_of
 
 TOUCHED = Kind(
-    "something to touch", 0.002, 3.0, 0.1, 'say units = "{unit}" or scale = {scale} in its shape (units = "m" keeps the size)'
+    "something to touch", 0.002, 3.0, 0.1, 'give units = "{unit}" or scale = {scale} in its shape (units = "m" keeps the size)'
 )
 """From a bead to a table."""
 SMALLEST_M, LARGEST_M = 1e-4, 1e4
-"""What is computed with where units or a scale say so."""
+"""What is computed with where units or a scale are given."""
 SECONDS_PER_TRIANGLE = 2e-6
 """Of fifteen sites' distances from a mesh near them, on one core; found: 1 to 2.6 us from 200 to 16,000 triangles."""
 FAST_TRIANGLES = 500
@@ -60,10 +60,11 @@ class TriangleMesh:
     """A closed, edge-manifold, consistently wound triangle mesh, centred where its file puts the origin.
 
     :param vertices_m: (v, 3), metres.
-    :param faces: (f, 3) vertex indices. Wound either way round; an inside-out mesh is turned.
-    :param name: where it came from, for messages. :param notes: what was mended when it was read.
+    :param faces: (f, 3) vertex indices, of either winding; an inside-out mesh is turned.
+    :param name: where it came from, for messages.
+    :param notes: what was repaired when it was read.
     :raises InputError: not finite, indices out of range, degenerate, open, non-manifold or inconsistently wound; the
-        message says where.
+        message names the place.
     """
 
     def __init__(self, vertices_m: Array, faces: NDArray[np.integer], name: str = "mesh", notes: tuple[str, ...] = ()):
@@ -87,15 +88,24 @@ class TriangleMesh:
 
     @property
     def bounding_radius_m(self) -> float:
+        """Distance of the farthest vertex from the origin, metres."""
         return self._bounding_radius_m
 
     def distance(self, points_m: Array) -> Array:
-        """Signed distance, (n,), metres; negative inside."""
+        """Signed distance of each point.
+
+        :param points_m: (n, 3), metres.
+        :return: (n,), metres; negative inside.
+        """
         nearest, _ = self._nearest(points_m)
         return np.where(self.inside(points_m), -1.0, 1.0) * np.linalg.norm(points_m - nearest, axis=1)
 
     def gradient(self, points_m: Array) -> Array:
-        """Outward unit direction at each point, (n, 3); on the surface itself, the normal of the nearest triangle."""
+        """Outward unit direction at each point; on the surface itself, the normal of the nearest triangle.
+
+        :param points_m: (n, 3), metres.
+        :return: (n, 3), of length 1.
+        """
         nearest, face = self._nearest(points_m)
         away = points_m - nearest
         length = np.linalg.norm(away, axis=1)
@@ -106,7 +116,11 @@ class TriangleMesh:
         return direction
 
     def inside(self, points_m: Array) -> NDArray[np.bool_]:
-        """Which points lie inside, (n,): winding number above one half."""
+        """Which points lie inside: winding number above one half.
+
+        :param points_m: (n, 3), metres.
+        :return: (n,).
+        """
         low, high = self.vertices_m.min(axis=0), self.vertices_m.max(axis=0)
         inside = ((points_m >= low) & (points_m <= high)).all(axis=1)
         candidates = np.flatnonzero(inside)
@@ -146,19 +160,22 @@ class TriangleMesh:
 def load_mesh(
     path: Path, scale: float | None = None, units: str | None = None, up: str | None = None, repair: bool = False
 ) -> TriangleMesh:
-    """A mesh from an OBJ, STL or PLY file (text or binary), in metres and y up, with what had to be mended in its ``notes``.
+    """A mesh from an OBJ, STL or PLY file (text or binary), in metres and y up, with what had to be repaired in its ``notes``.
 
-    :param scale: metres per unit of the file, or :param units: one of ``meshes.UNITS``; neither: metres.
-    :param up: which axis of the file points up, one of ``meshes.AXES``; None: y. What is not said is noted as it was taken.
+    :param path: the file.
+    :param scale: metres per unit of the file, above 0; None: by ``units``.
+    :param units: one of ``meshes.UNITS``; None: by ``scale``, or metres where neither is given.
+    :param up: which axis of the file points up, one of ``meshes.AXES``; None: y. What is not given is noted as it was assumed.
     :param repair: close holes by flat caps.
-    :raises InputError: a file that cannot be read, a size that nothing to touch has
-        while neither scale nor units say so, or not a closed mesh.
+    :return: the mesh, closed, centred where its file has the origin.
+    :raises InputError: a file that cannot be read, a size that nothing to touch has while neither scale nor units are given, or
+        not a closed mesh.
     """
     path, notes = Path(path), []
     if scale is not None and units is not None:
-        raise InputError(f"mesh {path}: scale = {scale:g} and units = {units!r} are both given; allowed: one of them")
+        raise InputError(f"mesh {path}: scale = {scale:g} and units = {units!r} are both given; give one of them")
     if scale is not None and not (math.isfinite(scale) and scale > 0.0):
-        raise InputError(f"mesh {path}: scale = {scale:g} is not allowed; allowed: above 0, metres per unit of the file")
+        raise InputError(f"mesh {path}: scale = {scale:g} m per unit of the file; allowed: above 0 m")
     unit_m = UNITS[one_of(f"units of mesh {path}", units, tuple(UNITS))] if units is not None else scale or 1.0
     if up is not None:
         one_of(f"up of mesh {path}", up, AXES)
@@ -169,7 +186,7 @@ def load_mesh(
         raise InputError(f"mesh {path}: {fault}")
     if fault is not None:
         in_range(f"size of mesh {path}", extent_of(used) * unit_m, SMALLEST_M, LARGEST_M, "m")
-        notes.append(f"{fault.seen}; taken at its word")
+        notes.append(f"{fault.seen}; kept as given")
     unsaid = [f"in {WORDS['m']}"] * (scale is None and units is None) + ["y up"] * (up is None)
     if unsaid:
         notes.append(_taken(used, unit_m, up or "y", unsaid))
@@ -192,10 +209,10 @@ def load_mesh(
 
 
 def _taken(used: Array, unit_m: float, up: str, unsaid: Sequence[str]) -> str:
-    """How a mesh was taken where its shape does not say, with its sizes, and another unit where that is likelier."""
+    """How a mesh was interpreted where its shape leaves it open, with its sizes, and another unit where that is likelier."""
     wide, high, deep = np.ptp(in_frame(used, unit_m, up, to="y"), axis=0)
     question = other_unit(used, TOUCHED) if unsaid[0] != "y up" else ""
-    taken = f"taken to be {', '.join(unsaid)}, as its shape does not say: {wide:.3g} m wide, {high:.3g} high, {deep:.3g} deep"
+    taken = f"taken to be {', '.join(unsaid)}, as its shape does not specify: {wide:.3g} m wide, {high:.3g} high, {deep:.3g} deep"
     return f"{taken}; {question}" if question else taken
 
 
@@ -210,7 +227,11 @@ def _far_off(used_m: Array) -> list[str]:
 
 
 def slow_notice(meshes: Sequence[TriangleMesh]) -> str | None:
-    """What meshes together will cost a tick that passes near them, where that is more than a tick in real time has."""
+    """What meshes will cost a tick that passes near them.
+
+    :param meshes: all of a scene.
+    :return: in words, or None where a tick in real time has the time.
+    """
     triangles = sum(len(mesh.faces) for mesh in meshes)
     if triangles <= FAST_TRIANGLES:
         return None
@@ -242,8 +263,8 @@ def _check_surface(name: str, vertices: Array, faces: NDArray[np.int64]) -> None
         )
     if (count == 1).any():
         raise InputError(
-            f"{name}: the mesh is open: {holes_in_words(vertices, holes(faces))}; allowed: a closed surface; "
-            "close it where it was drawn, or say repair = true in its shape to have flat caps put in"
+            f"{name}: the mesh is open: {holes_in_words(vertices, holes(faces))}; expected a closed surface; "
+            "close it where it was drawn, or give repair = true in its shape to close holes with flat caps"
         )
     twice, times = np.unique(directed, axis=0, return_counts=True)
     if (times > 1).any():

@@ -1,4 +1,4 @@
-"""Where a rigid thing is: a position and a unit quaternion, and the few operations a scene needs of them."""
+"""Rigid poses: a position and a unit quaternion, and the few operations that a scene needs of them."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Pose:
         length = math.sqrt(sum(q * q for q in quaternion))
         if abs(length - 1.0) > _UNIT_TOLERANCE:
             raise InputError(
-                f"orientation_xyzw = {list(quaternion)} has length {length:.4g}; allowed: a unit quaternion x, y, z, w"
+                f"orientation_xyzw = {list(quaternion)} has length {length:.4g}; expected a unit quaternion x, y, z, w"
             )
         object.__setattr__(self, "position_m", position)
         object.__setattr__(self, "orientation_xyzw", tuple(q / length for q in quaternion))
@@ -52,20 +52,38 @@ class Pose:
         return self._origin  # type: ignore[attr-defined]
 
     def to_world(self, points_m: Array) -> Array:
-        """Local points (n, 3) in the world, metres."""
+        """Local points in world coordinates.
+
+        :param points_m: (n, 3), metres.
+        :return: (n, 3), metres.
+        """
         return points_m @ self.rotation.T + self.origin_m
 
     def to_local(self, points_m: Array) -> Array:
-        """World points (n, 3) in the local frame, metres."""
+        """World points in local coordinates.
+
+        :param points_m: (n, 3), metres.
+        :return: (n, 3), metres.
+        """
         return (points_m - self.origin_m) @ self.rotation
 
     def shifted(self, offset_m: Sequence[float] | Array) -> Pose:
-        """This pose moved by ``offset_m`` in world axes."""
+        """This pose moved in world axes.
+
+        :param offset_m: (3,), metres.
+        :return: another pose with the same orientation.
+        """
         x, y, z = (self.origin_m + np.asarray(offset_m, float)).tolist()
         return Pose((x, y, z), self.orientation_xyzw)
 
     def turned_about(self, pivot_m: Array, turn_xyzw: Sequence[float], to_m: Array) -> Pose:
-        """This pose turned by ``turn_xyzw`` (unit, world axes) about ``pivot_m``, the pivot then carried to ``to_m``."""
+        """This pose turned about a point, which is then carried elsewhere.
+
+        :param pivot_m: the point, (3,), metres, in the world.
+        :param turn_xyzw: unit quaternion, in world axes.
+        :param to_m: where the pivot is carried to, (3,), metres.
+        :return: another pose.
+        """
         x, y, z = (_rotation(turn_xyzw) @ (self.origin_m - pivot_m) + to_m).tolist()
         return Pose((x, y, z), multiply_xyzw(turn_xyzw, self.orientation_xyzw))
 
@@ -82,7 +100,11 @@ def _rotation(xyzw: Sequence[float]) -> Array:
 
 
 def multiply_xyzw(a: Sequence[float], b: Sequence[float]) -> tuple[float, float, float, float]:
-    """Quaternion product ``a·b``: the turn ``b`` followed by the turn ``a``, normalised."""
+    """Quaternion product ``a·b``: the turn ``b`` followed by the turn ``a``.
+
+    :param a, b: quaternions x, y, z, w, not zero.
+    :return: normalised.
+    """
     ax, ay, az, aw = a
     bx, by, bz, bw = b
     product = (
@@ -96,9 +118,12 @@ def multiply_xyzw(a: Sequence[float], b: Sequence[float]) -> tuple[float, float,
 
 
 def shortest_turn_xyzw(start: Array, end: Array) -> tuple[float, float, float, float]:
-    """The smallest rotation that takes direction ``start`` to ``end`` (both (3,), any length above zero).
+    """The smallest rotation that takes one direction to another.
 
     Opposite directions leave the axis open; one at right angles to ``start`` is taken, always the same one.
+
+    :param start, end: (3,), any length above zero.
+    :return: unit quaternion x, y, z, w.
     """
     (a, b, c), (x, y, z) = start.tolist(), end.tolist()  # plain numbers: three components are too few for numpy to pay
     length = math.sqrt((a * a + b * b + c * c) * (x * x + y * y + z * z))
@@ -118,5 +143,5 @@ def _four(values: Sequence[float]) -> tuple[float, float, float, float]:
 def _numbers(name: str, values: Sequence[float], count: int) -> tuple[float, ...]:
     numbers = tuple(float(value) for value in values)
     if len(numbers) != count or not all(math.isfinite(number) for number in numbers):
-        raise InputError(f"{name} = {list(numbers)} is not allowed; allowed: {count} finite numbers")
+        raise InputError(f"{name} = {list(numbers)}; expected {count} finite numbers")
     return numbers

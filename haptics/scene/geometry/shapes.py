@@ -33,17 +33,30 @@ class Shape(Protocol):
         ...
 
     def distance(self, points_m: Array) -> Array:
-        """Signed distance of each point, (n,), metres; negative inside."""
+        """Signed distance of each point.
+
+        :param points_m: (n, 3), metres.
+        :return: (n,), metres; negative inside.
+        """
         ...
 
     def gradient(self, points_m: Array) -> Array:
-        """Outward unit direction of steepest growth of the distance at each point, (n, 3)."""
+        """Outward unit direction of steepest growth of the distance at each point.
+
+        :param points_m: (n, 3), metres.
+        :return: (n, 3), of length 1.
+        """
         ...
 
 
 @dataclass(frozen=True)
-class Sphere:
-    """``|p| − r``."""
+class Sphere(Shape):
+    """``|p| − r``.
+
+    :param radius_m: 1e-4 to 100 m.
+    :param kind: always ``sphere``.
+    :raises InputError: a radius out of range.
+    """
 
     __pydantic_config__: ClassVar[dict] = _STRICT_FIELDS
     radius_m: float
@@ -64,8 +77,13 @@ class Sphere:
 
 
 @dataclass(frozen=True)
-class Box:
-    """An axis-aligned box of full edge lengths ``size_m``."""
+class Box(Shape):
+    """An axis-aligned box, ``|max(q, 0)| + min(max(q_x, q_y, q_z), 0)`` with ``q = |p| − size/2``.
+
+    :param size_m: full edge lengths along x, y, z, 1e-4 to 100 m each.
+    :param kind: always ``box``.
+    :raises InputError: not three edges, or one out of range.
+    """
 
     __pydantic_config__: ClassVar[dict] = _STRICT_FIELDS
     size_m: tuple[float, float, float]
@@ -73,7 +91,7 @@ class Box:
 
     def __post_init__(self) -> None:
         if len(self.size_m) != 3:
-            raise InputError(f"box size_m = {self.size_m} is not allowed; allowed: three edge lengths in metres")
+            raise InputError(f"box size_m = {self.size_m}; expected three edge lengths in metres")
         for edge in self.size_m:
             _length("box size_m", edge)
 
@@ -94,8 +112,14 @@ class Box:
 
 
 @dataclass(frozen=True)
-class Capsule:
-    """A segment of ``length_m`` along Y, thickened by ``radius_m``; its caps reach ``length_m/2 + radius_m``."""
+class Capsule(Shape):
+    """A segment of ``length_m`` along Y, thickened by ``radius_m``; its caps reach ``length_m/2 + radius_m``.
+
+    :param radius_m: 1e-4 to 100 m.
+    :param length_m: of the segment, without the caps, 1e-4 to 100 m.
+    :param kind: always ``capsule``.
+    :raises InputError: a length out of range.
+    """
 
     __pydantic_config__: ClassVar[dict] = _STRICT_FIELDS
     radius_m: float
@@ -124,8 +148,14 @@ class Capsule:
 
 
 @dataclass(frozen=True)
-class Cylinder:
-    """A solid cylinder with flat ends, axis along Y: the distance of a rectangle in (radial, axial) coordinates."""
+class Cylinder(Shape):
+    """A solid cylinder with flat ends, axis along Y: the distance of a rectangle in (radial, axial) coordinates.
+
+    :param radius_m: 1e-4 to 100 m.
+    :param height_m: from end to end, 1e-4 to 100 m.
+    :param kind: always ``cylinder``.
+    :raises InputError: a length out of range.
+    """
 
     __pydantic_config__: ClassVar[dict] = _STRICT_FIELDS
     radius_m: float
@@ -160,8 +190,11 @@ class Cylinder:
 
 
 @dataclass(frozen=True)
-class Plane:
-    """The half space ``y ≤ 0``: solid below, free above."""
+class Plane(Shape):
+    """The half space ``y ≤ 0``: solid below, free above.
+
+    :param kind: always ``plane``.
+    """
 
     __pydantic_config__: ClassVar[dict] = _STRICT_FIELDS
     kind: Literal["plane"] = "plane"
@@ -181,7 +214,8 @@ class Plane:
 class Placed:
     """A shape at a pose; the same questions as ``Shape``, asked in world coordinates.
 
-    ``bounding_distance`` is a lower bound of one point's ``distance`` in plain numbers, for telling early that it is far.
+    :param shape: in its own frame.
+    :param pose: of that frame in the world.
     """
 
     shape: Shape
@@ -189,26 +223,55 @@ class Placed:
 
     @property
     def bounding_radius_m(self) -> float:
+        """Radius of a sphere about the pose's position that holds the shape, metres."""
         return self.shape.bounding_radius_m
 
     def distance(self, points_m: Array) -> Array:
+        """Signed distance of each point.
+
+        :param points_m: (n, 3), metres, in the world.
+        :return: (n,), metres; negative inside.
+        :raises InputError: another shape of array.
+        """
         return self.shape.distance(self.pose.to_local(as_points(points_m)))
 
     def gradient(self, points_m: Array) -> Array:
+        """Outward unit direction of steepest growth of the distance at each point.
+
+        :param points_m: (n, 3), metres, in the world.
+        :return: (n, 3), of length 1, in world axes.
+        :raises InputError: another shape of array.
+        """
         return self.shape.gradient(self.pose.to_local(as_points(points_m))) @ self.pose.rotation.T
 
     def bounding_distance(self, point_m: Sequence[float]) -> float:
+        """A lower bound of one point's ``distance`` in plain numbers, to find early that it is far.
+
+        :param point_m: three numbers, metres, in the world.
+        :return: metres; minus infinity for a plane.
+        """
         return math.dist(point_m, self.pose.position_m) - self.bounding_radius_m
 
     def at(self, pose: Pose) -> Placed:
+        """The same shape elsewhere.
+
+        :param pose: in the world.
+        :return: another placed shape.
+        """
         return Placed(self.shape, pose)
 
 
 def distances(bodies: Sequence[Placed], points_m: Array, within_m: float = math.inf) -> Array:
-    """Signed distance of every point to every body, (bodies, n), metres.
+    """Signed distance of every point to every body.
 
     Exact wherever it is ``within_m`` or less; a body whose bounding sphere is farther than that from every point is
     given by its lower bound instead, which is above ``within_m`` too.
+
+    :param bodies: as many as wanted.
+    :param points_m: (n, 3), metres, in the world.
+    :param within_m: distances above this need not be exact, metres; default: all are.
+    :return: (bodies, n), metres; negative inside.
+    :raises InputError: another shape of array.
     """
     points = as_points(points_m)
     if not bodies:
@@ -222,10 +285,15 @@ def distances(bodies: Sequence[Placed], points_m: Array, within_m: float = math.
 
 
 def segment_meets(body: Placed, start_m: Array, end_m: Array, resolution_m: float = SMALLEST_M) -> bool:
-    """Whether the segment from ``start_m`` to ``end_m`` enters ``body``.
+    """Whether a segment enters a body.
 
     Sphere tracing: a point at distance d can be followed by one d further on without passing anything. Objects thinner than
     ``resolution_m`` along the segment may be passed over.
+
+    :param body: the body where it is.
+    :param start_m, end_m: ends of the segment, (3,), metres, in the world.
+    :param resolution_m: smallest step, metres, above 0.
+    :return: whether a point of the segment lies on the surface or inside.
     """
     span = end_m - start_m
     length = float(np.linalg.norm(span))
@@ -240,13 +308,15 @@ def segment_meets(body: Placed, start_m: Array, end_m: Array, resolution_m: floa
 
 
 def as_points(points_m: Array) -> Array:
-    """``points_m`` as float64 of shape (n, 3).
+    """An array of points, checked.
 
+    :param points_m: (n, 3), metres.
+    :return: the same as float64.
     :raises InputError: another shape.
     """
     points = np.asarray(points_m, dtype=np.float64)
     if points.ndim != 2 or points.shape[1] != 3:
-        raise InputError(f"points_m has shape {points.shape}; allowed: (n, 3), metres")
+        raise InputError(f"points_m has shape {points.shape}; expected (n, 3), metres")
     return points
 
 

@@ -1,1 +1,1 @@
-"""Recordings of hands, read from the formats in which trackers and this project leave them."""
+"""Recordings of hands, read from the formats that trackers and this project write."""

@@ -1,6 +1,6 @@
-"""What a file is that is no recording of a Leap Motion controller, by its content, and what can be done about it.
+"""What a file is that is not a recording of a Leap Motion controller, by its content, and what can be done about it.
 
-Only to help people on: what is not known here is refused all the same, where it stops being such a recording.
+This only makes messages helpful: what is not known here is refused all the same, at the first place that does not fit.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ READABLE = (
     "a Leap Motion recording as LeapJS writes it (JSON, whole or by line, packed, lz-string, gzip), "
     "or a recording of `haptics run`"
 )
-_TO_LEAP = f"allowed: {READABLE}; docs/reference/hands.md shows what a frame must hold, to convert to"
+_TO_LEAP = f"hands are read from: {READABLE}; docs/reference/hands.md lists what a frame must hold"
 _UNPACK = "unpack it and give the file inside"
 
 _BYTES: tuple[tuple[bytes, str], ...] = (
@@ -45,7 +45,7 @@ _TEXTS: tuple[tuple[str, str], ...] = (
     ("hierarchy", f"a BVH motion, angles of a skeleton's joints; {_TO_LEAP}"),
     ("; fbx", f"an FBX file, a model or animation; {_TO_LEAP}"),
     ("#usda", f"a USD scene; {_TO_LEAP}"),
-    ('"', "one text in quotes; allowed: what is inside them, without the escapes"),
+    ('"', "one text in quotes; store what is inside them, without the escapes"),
     ("eyj", "JSON in plain base64; decode it first (`base64 -d`)"),
     ("h4sia", "gzip in plain base64; decode it first (`base64 -d`)"),
 )
@@ -74,9 +74,13 @@ _MOST_LOOKED_AT = 200
 
 
 def foreign_bytes(head: bytes) -> str | None:
-    """What a file is that begins so, and what to do; None if it may be text."""
+    """What a file is that is not a hand recording, by its first bytes.
+
+    :param head: at least 262 bytes, or the whole file.
+    :return: what it is, and what to do; None if it may be text.
+    """
     if not head:
-        return f"it is empty; allowed: {READABLE}"
+        return f"it is empty; hands are read from: {READABLE}"
     for mark, what in _BYTES:
         if head.startswith(mark):
             return f"it is {what}"
@@ -88,25 +92,34 @@ def foreign_bytes(head: bytes) -> str | None:
 
 
 def foreign_text(head: str) -> str | None:
-    """The same of a text that begins so."""
+    """What a text is that is not a hand recording, by its beginning.
+
+    :param head: some thousand characters, or the whole text.
+    :return: what it is, and what to do; None if it may be a recording.
+    """
     plain = head.lstrip().lower()
     if not plain:
-        return f"it is empty, or blank for {len(head)} characters; allowed: {READABLE}"
+        return f"it is empty, or blank for {len(head)} characters; hands are read from: {READABLE}"
     for mark, what in _TEXTS:
         if plain.startswith(mark):
             return f"it is {what}"
-    return f"it is a table of separated values (CSV); {_TO_LEAP}" if _is_table(plain) else None
+    return f"it looks like CSV, a table of separated values; {_TO_LEAP}" if _is_table(plain) else None
 
 
 def _is_table(text: str) -> bool:
-    lines = [line for line in text.splitlines()[:3] if line.strip()]
+    lines = [line for line in text.splitlines()[:2] if line.strip()]
     if not lines or re.search(r"[{\[]", lines[0]):
         return False
-    return any(lines[0].count(mark) >= 3 and len({line.count(mark) for line in lines[:2]}) == 1 for mark in ",;\t")
+    wanted = 3 if len(lines) == 1 else 1
+    return any(lines[0].count(mark) >= wanted and lines[0].count(mark) == lines[-1].count(mark) for mark in ",;\t")
 
 
 def foreign_members(value: object) -> str | None:
-    """What JSON with such members is, where it is another kind of hand or motion; None if that is not known."""
+    """What JSON is that is not a hand recording, by the names of its members.
+
+    :param value: as parsed.
+    :return: what it is, and what to do; None if that is not known.
+    """
     names = {re.sub(r"[^a-z0-9]", "", name.lower()) for name in _names(value)}
     for marks, what in _MEMBERS:
         if names & marks:

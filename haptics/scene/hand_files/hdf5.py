@@ -27,17 +27,20 @@ _FIELDS: dict[str, tuple[str, tuple[int, ...] | None]] = {
 def load_recorded(path: Path) -> HandRecording:
     """The poses that a run received, exactly, with time zero at the start of its motion.
 
+    :param path: a recording made by ``haptics run``.
+    :return: the hand, ready to be played again.
     :raises InputError: not a recording, or one without poses.
     """
     recording = load(path)
     if "poses" not in recording:
-        raise InputError(f"hand {path}: the recording has no stream `poses`; allowed: one that `haptics run` made")
+        raise InputError(f"hand {path}: the recording has no stream `poses`; expected one that `haptics run` made")
     check_fields(f"hand {path}", recording.streams["poses"], _FIELDS)
     poses, start_ns = recording.stream("poses"), motion_start_ns(recording)
     for index, sampled_ns in enumerate(poses["sampled_ns"].tolist()):
         if abs(sampled_ns - start_ns) > LONGEST_S * NS_PER_S:
             raise InputError(
-                f"hand {path}: pose {index} is {(sampled_ns - start_ns) / NS_PER_S:.6g} s from the start of the motion"
+                f"hand {path}: pose {index} is {(sampled_ns - start_ns) / NS_PER_S:.6g} s from the start of the motion; "
+                f"allowed: up to {LONGEST_S:g} s"
             )
     tracks = []
     for side, track in dict.fromkeys(zip(poses["side"].tolist(), poses["track"].tolist(), strict=True)):
@@ -64,9 +67,11 @@ def load_recorded(path: Path) -> HandRecording:
 
 
 def motion_start_ns(recording: Recording) -> int:
-    """When the hand's motion began on the run's clock.
+    """When the hand's motion began.
 
-    :raises InputError: the recording does not say.
+    :param recording: of a run.
+    :return: on the run's clock.
+    :raises InputError: the recording has no event ``start``.
     """
     events = recording.stream("events")
     check_fields(str(recording.path), recording.streams["events"], {"kind": ("S", ())})

@@ -1,8 +1,8 @@
-"""Large JSON from a file nobody vouches for, value by value.
+"""Large JSON from an untrusted file, value by value.
 
 What counts are the items of one list. It may be a member of an object, or stand alone, or its items may follow each other
 without a list, as programs write that add a line for each. Text is read in pieces and one value is decoded at a time, so that
-a file that unpacks to gigabytes, nests a million deep or ends half way is refused early and in little memory.
+a file that unpacks to gigabytes, nests a million deep or is cut short is refused early and in little memory.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from haptics.errors import InputError
+from haptics.scene.hand_files.foreign import READABLE
 from haptics.scene.hand_files.text_source import Text, open_text
 
 LARGEST_VALUE_CHARS = 1 << 20
@@ -32,7 +33,8 @@ class Item:
     """One item of the list, or one object that stands by itself.
 
     :param place: where it is, such as ``frames[3]``.
-    :param broken: why ``value`` is not to be used: a number in it is none. Empty where it may be.
+    :param value: as parsed.
+    :param broken: why ``value`` must not be used: it holds NaN or Infinity. Empty where it may be.
     """
 
     place: str
@@ -42,17 +44,24 @@ class Item:
 
 @dataclass(frozen=True, slots=True)
 class Member:
-    """Another member of the object that has the list."""
+    """Another member of the object that has the list.
+
+    :param name: its key.
+    :param value: as parsed.
+    """
 
     name: str
     value: object
 
 
 def read_items(path: Path, array: str) -> Iterator[Item | Member]:
-    """The items of the list ``array`` in ``path``, and the members beside it.
+    """Read a list item by item, and the members beside it.
 
+    :param path: plain or gzip, in one of the forms named above.
+    :param array: the list's key.
+    :return: in the file's order; members that stand before the list come before its items.
     :raises InputError: not a file that can be read; not JSON of that form; NaN or Infinity in a member; a limit passed. The
-        message names the place, what was seen and what is allowed.
+        message names the place, what was seen and what is expected.
     """
     with open_text(path) as text:
         yield from _Reader(text).items(array)
@@ -69,6 +78,8 @@ class _Reader:
 
     def items(self, array: str) -> Iterator[Item | Member]:
         mark, what = self._next(), "object"
+        if mark and mark not in "{[":
+            raise InputError(f"it begins with {mark!r}, so it is not JSON of frames; hands are read from: {READABLE}")
         if mark == "[":
             yield from self._list(array)
             what = "list"
@@ -79,7 +90,7 @@ class _Reader:
                     break
         self._place = "the end"
         if self._next():
-            self._refuse(f"{self._next()!r} follows the {what}; allowed: nothing")
+            self._refuse(f"{self._next()!r} follows the {what}; expected the end of the file")
 
     def _list(self, array: str) -> Iterator[Item]:
         self._expect("[", array)
@@ -94,16 +105,16 @@ class _Reader:
         Returns whether it has the list.
         """
         first = place == "objects[0]"
-        self._expect("{", "the file" if first else place, "'{' or '['" if first else "'{'")
+        self._expect("{", "the file" if first else place)
         began, has_list, broken = self._before + self._at, False, ""
         members: dict[str, object] = {}
         seen: set[str] = set()
         for _ in self._separated("}"):
             name = self._value("a member's name")
             if not isinstance(name, str):
-                self._refuse(f"a member's name is {str(name)[:40]!r}; allowed: a string")
+                self._refuse(f"a member's name is {str(name)[:40]!r}; expected a string")
             if name in seen:
-                self._refuse(f"{name[:40]!r} is given twice; allowed: once")
+                self._refuse(f"{name[:40]!r} is given twice")
             if len(seen) == MAX_MEMBERS:
                 self._refuse(f"the object goes on beyond the allowed {MAX_MEMBERS} members")
             seen.add(name)
@@ -139,16 +150,16 @@ class _Reader:
             yield
             mark = self._next()
             if mark not in (",", closing_mark) or not mark:
-                self._refuse(f"{mark!r} after it; allowed: ',' or {closing_mark!r}" if mark else "the file ends after it")
+                self._refuse(f"{mark!r} after it; expected ',' or {closing_mark!r}" if mark else "the file ends after it")
             self._at += 1
             if mark == closing_mark:
                 return
 
-    def _expect(self, mark: str, place: str, allowed: str = "") -> None:
+    def _expect(self, mark: str, place: str) -> None:
         self._place = place
         seen = self._next()
         if seen != mark:
-            self._refuse(f"{seen!r} seen; allowed: {allowed or repr(mark)}" if seen else f"the file ends; allowed: {mark!r}")
+            self._refuse(f"{seen!r} seen; expected {mark!r}" if seen else f"the file ends; expected {mark!r}")
         self._at += 1
 
     def _next(self) -> str:
@@ -170,7 +181,7 @@ class _Reader:
             try:
                 value, end = self._decoder.raw_decode(self._window, self._at)
             except RecursionError:
-                self._refuse("lists or objects are nested too deeply; allowed: a frame's few levels")
+                self._refuse("lists or objects are nested too deeply; a frame has a few levels")
             except json.JSONDecodeError as error:
                 if left > LARGEST_VALUE_CHARS or not self._more():
                     self._refuse_text(error, left)
@@ -204,7 +215,7 @@ class _Reader:
         return math.nan
 
     def _broken(self, value: object) -> str:
-        """NaN and Infinity are no JSON: where the first one stands in the value that was just read, or empty."""
+        """NaN and Infinity are not JSON: where the first one stands in the value that was just read, or empty."""
         if not self._constant:
             return ""
         place, left = self._place, [(self._place, value)]
@@ -216,12 +227,12 @@ class _Reader:
                 left += reversed([(f"{place}.{key}", part) for key, part in value.items()])
             elif isinstance(value, list):
                 left += reversed([(f"{place}[{index}]", part) for index, part in enumerate(value)])
-        return f"{place}: {self._constant} is not allowed; allowed: finite numbers"
+        return f"{place}: {self._constant} is not allowed; expected finite numbers"
 
     def _refuse_text(self, error: json.JSONDecodeError, left: int) -> NoReturn:
         where = f"at character {self._before + error.pos}"
         if left > LARGEST_VALUE_CHARS:
-            self._refuse(f"no JSON value of at most {LARGEST_VALUE_CHARS} characters: {error.msg} {where}")
+            self._refuse(f"not a JSON value of at most {LARGEST_VALUE_CHARS} characters: {error.msg} {where}")
         self._refuse(f"not JSON, or cut short: {error.msg} {where}")
 
     def _refuse(self, what: str) -> NoReturn:

@@ -1,4 +1,4 @@
-"""Recordings of a Leap Motion controller, as LeapJS and programs around it write them; told by content, not by name or label.
+"""Recordings of a Leap Motion controller, as LeapJS and programs around it write them; recognised by content, not by name.
 
 Frames may be the list ``frames`` of an object, a list alone, or follow each other line by line, bare or as events with a
 ``frame`` in them; as objects or as packed rows; plain, gzip or lz-string (``docs/reference/hands.md``).
@@ -9,7 +9,7 @@ points a finger and the palm. What OpenXR has beyond them is estimated:
 - the thumb's ``mcpPosition`` is the base of its metacarpal, a finger's is its knuckle (``*_proximal``);
 - the wrist lies ``WRIST_BEHIND_PALM`` lengths of the middle finger's proximal bone behind the palm. Leap's palm is about
   20 mm behind the middle knuckle, and a wrist 90 mm, twice that bone (assumed, from bone lengths of adults);
-- the other metacarpals begin ``METACARPAL_SHARE`` of the way from the knuckle to the wrist (assumed, likewise);
+- the other metacarpals begin at ``METACARPAL_SHARE`` of the distance from the knuckle to the wrist (assumed, likewise);
 - orientations come from the bones' directions and the palm's normal (``haptics.scene.hands.bones``).
 
 A pose that cannot be read, and a frame out of order in time, are left out and kept in ``refused``; where they are a large share
@@ -39,7 +39,7 @@ from haptics.scene.hands.time_order import in_order, why_not
 from haptics.time import NS_PER_MS, NS_PER_S, NS_PER_US
 
 PROTOCOL_VERSION = 6
-"""The version whose frames have all that is needed; what a file says of it is a hint and no more."""
+"""The version whose frames have all that is needed; what a file states is a hint and no more."""
 TRACK_GAP_NS = 100 * NS_PER_MS
 """A hand unseen for longer than this comes back as a new track."""
 WRIST_BEHIND_PALM = 1.5
@@ -63,14 +63,16 @@ class _OpenTrack:
 
 
 def load_leap(path: str | PathLike[str]) -> HandRecording:
-    """The recording in ``path``. Its time zero is the first frame.
+    """Read a recording of a Leap Motion controller.
 
     Left out, and counted in ``dropped``: frames that repeat a time stamp, hands without all five fingers, pointables whose
     hand is not in the frame, and tools. Left out, and listed in ``refused``: poses with a value that is missing, of the wrong
     type or out of range, and frames out of order in time.
 
-    :raises InputError: the file cannot be read, is no recording of hands, or a large share of it is refused; the message names
-        the place, the value and what is allowed, or what the file is instead.
+    :param path: the file; its name does not matter.
+    :return: in metres; time zero is the first frame.
+    :raises InputError: the file cannot be read, is not a recording of hands, or a large share of it is refused; the message names
+        the place, the value and what is expected, or what the file is instead.
     """
     path = Path(path)
     try:
@@ -80,7 +82,7 @@ def load_leap(path: str | PathLike[str]) -> HandRecording:
 
 
 class _Reading:
-    """A file on its way to a recording."""
+    """A file while it is read."""
 
     def __init__(self, path: Path):
         self._source = path.name
@@ -115,8 +117,8 @@ class _Reading:
                 return
             elif not value.keys() & {"hands", "timestamp"}:
                 self._foreign = self._foreign or foreign_members(value)
-                which = "" if place == "objects[0]" else f"{place} is no frame, and "
-                self._refused.append((None, None, f"{which}frames is missing or empty; allowed: at least one frame"))
+                which = "" if place == "objects[0]" else f"{place} is not a frame, and "
+                self._refused.append((None, None, f"{which}frames is missing or empty; expected at least one frame"))
                 return
         if isinstance(value, list) and place == "frames[0]":
             self._schema = self._checked_schema(value, place)
@@ -147,12 +149,10 @@ class _Reading:
         self._leave_out(time_ns, keep)
         self._check_share()
         if not keep.any():
-            raise InputError("frames is missing or empty; allowed: at least one frame")
+            raise InputError("frames is missing or empty; expected at least one frame")
         repeated = self._dropped[_REPEATED]
         if 2 * repeated > len(time_ns):
-            raise InputError(
-                f"{repeated} of {len(time_ns)} frames repeat a timestamp; allowed: one of its own for each, in whole microseconds"
-            )
+            raise InputError(f"{repeated} of {len(time_ns)} frames repeat a timestamp; each needs its own, in whole microseconds")
         kept_ns = time_ns[keep]
         first_ns, last_ns = int(kept_ns[0]), int(kept_ns[-1])
         return HandRecording(
@@ -193,7 +193,7 @@ class _Reading:
             many = f" ({len(self._refused)} of {len(self._refused) + len(self._seen)} poses cannot be used)"
             version = self._version
             old = isinstance(version, int) and version < PROTOCOL_VERSION
-            hint = f"; it says protocol version {version}, and the joints of fingers came with {PROTOCOL_VERSION}" if old else ""
+            hint = f"; its protocol version is {version}, and the joints of fingers came with {PROTOCOL_VERSION}" if old else ""
             raise InputError(f"{first}{many if len(self._refused) > 1 else ''}{hint}")
 
     def _tracks(self, frame_ns: list[int]) -> tuple[HandTrack, ...]:
@@ -212,9 +212,9 @@ class _Reading:
     def _notes(self) -> tuple[str, ...]:
         version = self._version
         if version is None:
-            return (f"{self._source} does not say which protocol version it has; its frames read as version {PROTOCOL_VERSION}",)
+            return (f"{self._source} does not state its protocol version; its frames are read as {PROTOCOL_VERSION}",)
         if isinstance(version, bool) or str(version) != str(PROTOCOL_VERSION):
-            return (f"{self._source} says protocol version {str(version)[:20]!r}; its frames read as version {PROTOCOL_VERSION}",)
+            return (f"{self._source} states protocol version {str(version)[:20]!r}; its frames are read as {PROTOCOL_VERSION}",)
         return ()
 
 
@@ -223,7 +223,7 @@ def _of_rate(time_ns: np.ndarray) -> list[str]:
     if FASTEST_S <= apart_s <= SLOWEST_S:
         return []
     how = "fast" if apart_s < FASTEST_S else "slow"
-    return [f"the frames are {apart_s:.3g} s apart, and no tracker is so {how}; are the time stamps in microseconds?"]
+    return [f"the frames are {apart_s:.3g} s apart, too {how} for a tracker; are the time stamps in microseconds?"]
 
 
 def _track(number: int, track: _OpenTrack) -> HandTrack:

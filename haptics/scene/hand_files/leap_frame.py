@@ -23,14 +23,20 @@ Kind = TypeVar("Kind")
 
 FARTHEST_MM = FARTHEST_M * 1e3
 WIDEST_FINGER_MM = 100.0
-_LATEST_US = 2**53  # beyond it a JSON reader that uses doubles cannot tell microseconds apart
+_LATEST_US = 2**53  # beyond it a JSON reader that uses doubles cannot distinguish microseconds
 
+_OWNERS = {"hands": "hand", "pointables": "pointable"}
 _POINTS = ("mcpPosition", "pipPosition", "dipPosition", "tipPosition")
 
 
 @dataclass(frozen=True, slots=True)
 class Seen:
-    """A whole hand in a frame: the device's id, the side, and a row of palm, normal, direction, 20 finger points, 5 widths."""
+    """A whole hand in a frame.
+
+    :param device_id: the device's number of the hand.
+    :param side: ``left`` or ``right``.
+    :param row: (74,): palm, normal, direction, 20 finger points (mm) and 5 finger widths (mm; NaN where the writer gives none).
+    """
 
     device_id: int
     side: str
@@ -62,8 +68,12 @@ class _Hand:
 def read_frame(value: object, place: str, dropped: Counter[str]) -> Frame:
     """The hands of a frame. Hands without all five fingers, pointables without their hand and tools are counted in ``dropped``.
 
-    :raises InputError: it is no frame: its stamp or one of its lists is missing or of the wrong type, or a hand cannot be told
-        from another; the message names the place, the value and what is allowed.
+    :param value: the frame as parsed from JSON.
+    :param place: where it is in the file, for messages.
+    :param dropped: counts by name; added to.
+    :return: the hands that can be used, and those that cannot with the reason.
+    :raises InputError: not a frame: its stamp or one of its lists is missing or of the wrong type; the message names the place
+        and the value.
     """
     frame = of_type(value, place, dict, "an object")
     found = Frame(_time_ns(frame, place))
@@ -97,14 +107,14 @@ def _add_hand(hand: object, at: str, hands: dict[int, _Hand]) -> None:
     hand = of_type(hand, at, dict, "an object")
     device_id = _whole(_member(hand, "id", at), f"{at}.id")
     if device_id in hands:
-        hands[device_id].refused = f"{at}.id = {device_id} is given twice in one frame; allowed: each hand once"
+        hands[device_id].refused = f"{at}.id = {device_id} is given twice in one frame"
         return
     side = _member(hand, "type", at)
     if not isinstance(side, str) or side not in SIDES:
         raise InputError(f"{at}.type = {shown(side)} is not allowed; allowed: {', '.join(SIDES)}")
     normal, direction = (_unit(hand, key, at) for key in ("palmNormal", "direction"))
     if abs(float(np.dot(normal, direction))) > 0.9 * math.hypot(*normal) * math.hypot(*direction):
-        raise InputError(f"{at}.palmNormal = {normal} lies along the direction; allowed: across it")
+        raise InputError(f"{at}.palmNormal = {normal} lies along the direction; expected a vector across it")
     hands[device_id] = _Hand(side, [*_point(hand, "palmPosition", at), *normal, *direction])
 
 
@@ -124,7 +134,7 @@ def _add_pointable(pointable: object, at: str, hands: dict[int, _Hand], dropped:
         spoils = [hand]
         finger = _finger(pointable, at)
         if finger in hand.fingers:
-            raise InputError(f"{at}.type = {finger} is given twice for hand {device_id}; allowed: each finger once")
+            raise InputError(f"{at}.type = {finger} is given twice for hand {device_id}")
         points = [number for key in _POINTS for number in _point(pointable, key, at)]
         width_mm = math.nan  # not every writer gives one
         if "width" in pointable:
@@ -148,42 +158,48 @@ def _finger(pointable: dict, at: str) -> int:
 
 def _member(owner: dict, key: str, place: str) -> object:
     if key not in owner:
-        raise InputError(f"{place}.{key} is missing; allowed: present in each")
+        name = place.rpartition(".")[2].partition("[")[0]
+        raise InputError(f"{place}.{key} is missing; required in every {_OWNERS.get(name, 'frame')}")
     return owner[key]
 
 
-def of_type(value: object, place: str, kind: type[Kind], allowed: str) -> Kind:
-    """The value, if it is of that kind.
+def of_type(value: object, place: str, kind: type[Kind], expected: str) -> Kind:
+    """Check the type of a value.
 
-    :raises InputError: it is not.
+    :param value: as parsed from JSON.
+    :param place: where it is in the file, for messages.
+    :param kind: the type that it must have.
+    :param expected: the type in words.
+    :return: the value.
+    :raises InputError: it is of another type.
     """
     if not isinstance(value, kind):
-        raise InputError(f"{place} is {shown(value)}; allowed: {allowed}")
+        raise InputError(f"{place} is {shown(value)}; expected {expected}")
     return value
 
 
 def _number(value: object, place: str, low: float, high: float, unit: str) -> float:
     # Comparing before converting keeps integers of any length, and NaN, out.
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not low <= value <= high:
-        raise InputError(f"{place} = {shown(value)} is not allowed; allowed: a number from {low:.16g} to {high:.16g} {unit}")
+        raise InputError(f"{place} = {shown(value)} is not allowed; allowed: {low:.16g} to {high:.16g} {unit}")
     return value
 
 
 def _whole(value: object, place: str) -> int:
     if isinstance(value, bool) or not isinstance(value, int) or abs(value) >= 2**63:
-        raise InputError(f"{place} = {shown(value)} is not allowed; allowed: a whole number of 64 bits")
+        raise InputError(f"{place} = {shown(value)} is not a whole number of 64 bits")
     return value
 
 
 def _point(owner: dict, key: str, place: str) -> list[float]:
     value = _member(owner, key, place)
     if not isinstance(value, list) or len(value) != 3:
-        raise InputError(f"{place}.{key} is {shown(value)}; allowed: three numbers")
+        raise InputError(f"{place}.{key} is {shown(value)}; expected three numbers")
     return [_number(part, f"{place}.{key}[{axis}]", -FARTHEST_MM, FARTHEST_MM, "mm") for axis, part in enumerate(value)]
 
 
 def _unit(owner: dict, key: str, place: str) -> list[float]:
     vector = _point(owner, key, place)
     if not 0.5 <= math.hypot(*vector) <= 2.0:
-        raise InputError(f"{place}.{key} = {vector} has length {math.hypot(*vector):.6g}; allowed: 1, a direction")
+        raise InputError(f"{place}.{key} = {vector} has length {math.hypot(*vector):.6g}; expected a direction of length 1")
     return vector

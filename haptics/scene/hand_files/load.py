@@ -1,4 +1,4 @@
-"""One way to get a recorded hand: by the shipped motion's name, or from a file, told apart by its content."""
+"""Recorded hands by the shipped motion's name, or from a file; its content decides how it is read."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from haptics.scene.hand_files.hdf5 import SIGNATURE, load_recorded
 from haptics.scene.hand_files.leap import load_leap
 from haptics.scene.hands.recording import HandRecording
 from haptics.scene.hands.synthetic import NAME as SYNTHETIC, synthetic_hand
-from haptics.units import file_path
+from haptics.units import file_path, nearest
 
 _SHIPPED: dict[str, Callable[[], HandRecording]] = {SYNTHETIC: synthetic_hand}
 
@@ -20,13 +20,18 @@ _READERS: tuple[tuple[bytes, Callable[[Path], HandRecording]], ...] = ((SIGNATUR
 
 
 def shipped_hands() -> tuple[str, ...]:
-    """The names of the motions that ship."""
+    """The motions that ship.
+
+    :return: their names.
+    """
     return tuple(_SHIPPED)
 
 
 def load_hand(source: str | PathLike[str]) -> HandRecording:
-    """A hand's motion: a shipped one by its name, or a file's. A file that bears a shipped name is had as ``./name``.
+    """A hand's motion: a shipped one by its name, or a file's.
 
+    :param source: a shipped name or a path; a file that bears a shipped name is ``./name``.
+    :return: tracks of frames, 26 joints each.
     :raises InputError: no such name or file, or its content cannot be used.
     """
     if isinstance(source, str) and source in _SHIPPED:
@@ -35,9 +40,10 @@ def load_hand(source: str | PathLike[str]) -> HandRecording:
     try:
         if not path.is_file():
             what = "is a folder or a device" if path.exists() else "does not exist"
-            raise InputError(f"hand = {str(path)!r} {what}; allowed: a file, or one of: {', '.join(_SHIPPED)}")
+            known = ", ".join(_SHIPPED) + nearest(source, tuple(_SHIPPED))
+            raise InputError(f"hand = {str(path)!r} {what}; expected a file, or a motion that ships: {known}")
         with path.open("rb") as file:
             head = file.read(max(len(first_bytes) for first_bytes, _ in _READERS))
     except OSError as error:
-        raise InputError(f"hand = {str(source)!r} cannot be read: {error}; allowed: a file that can") from error
+        raise InputError(f"hand = {str(source)!r} cannot be read: {error}") from error
     return next(reader for first_bytes, reader in _READERS if head.startswith(first_bytes))(path)

@@ -38,7 +38,11 @@ _STARTS_OF_JSON = frozenset("{[ \t\r\n")
 
 
 def alphabet_of(head: str) -> str | None:
-    """``base64`` or ``utf16`` if a text that begins so can be lz-string of JSON in that alphabet, else None."""
+    """Whether a text can be lz-string of JSON.
+
+    :param head: the beginning of the text.
+    :return: the alphabet, ``base64`` or ``utf16``; None if it is something else.
+    """
     if _IN_SIX_BITS.fullmatch(head) and _begins_json("".join(_SIX_BITS[char] for char in head[:4])):
         return "base64"
     if all(_UTF16_LOWEST <= ord(char) < _UTF16_LOWEST + 0x8000 for char in head) and head:
@@ -47,9 +51,12 @@ def alphabet_of(head: str) -> str | None:
 
 
 def is_lz_bytes(head: bytes) -> bool:
-    """Whether bytes that begin so can be lz-string, in the alphabet of bytes, of JSON without a blank before it.
+    """Whether bytes can be lz-string, in the alphabet of bytes, of JSON without a blank before it.
 
     No UTF-8 text begins so.
+
+    :param head: the beginning of the file, at least two bytes.
+    :return: whether it can be.
     """
     return len(head) > 1 and head[1] & 0xC0 == 0x80 and _begins_json(f"{head[0]:08b}{head[1]:08b}")
 
@@ -61,6 +68,9 @@ def _begins_json(bits: str) -> bool:
 def bits_of_text(text: str, alphabet: str) -> str:
     """The bits that a piece of text stands for.
 
+    :param text: of one alphabet.
+    :param alphabet: ``base64`` or ``utf16``.
+    :return: text of 0 and 1, 6 or 15 for each character.
     :raises InputError: a character that is not of the alphabet.
     """
     try:
@@ -79,14 +89,18 @@ def _fifteen(char: str) -> int:
 
 
 def bits_of_bytes(data: bytes) -> str:
-    """The bits of a piece of the alphabet of bytes."""
+    """The bits of a piece of the alphabet of bytes.
+
+    :param data: the piece.
+    :return: text of 0 and 1, 8 for each byte.
+    """
     return "".join([f"{byte:08b}" for byte in data])
 
 
 class LzString:
     """Unpacks one stream.
 
-    :param more_bits: gives the next bits as text of 0 and 1; empty at the end of the file.
+    :param more_bits: returns the next bits as text of 0 and 1; empty at the end of the file.
     """
 
     def __init__(self, more_bits: Callable[[], str]):
@@ -100,8 +114,10 @@ class LzString:
         self._ended = False
 
     def read(self, chars: int) -> str:
-        """The next characters, at least ``chars`` of them unless the text ends before; empty at its end.
+        """Unpack the next characters.
 
+        :param chars: so many at least, unless the text ends before.
+        :return: UTF-16 code units as characters; empty at the end.
         :raises InputError: the data is broken or ends before its end mark, or a limit is passed.
         """
         while not self._ended and len(self._text) - self._given < chars:
@@ -149,7 +165,7 @@ class LzString:
         while len(self._bits) - self._at < count:
             more = self._more_bits()
             if not more:
-                raise InputError("the lz-string data is cut short: it ends before its end mark; allowed: a whole file")
+                raise InputError("the lz-string data is cut short: it ends before its end mark; get the whole file")
             self._bits, self._at = self._bits[self._at :] + more, 0
         bits = self._bits[self._at : self._at + count]
         self._at += count

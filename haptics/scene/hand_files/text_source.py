@@ -1,6 +1,6 @@
-"""The text of a file nobody vouches for, piece by piece: gzip, lz-string and UTF-16 are undone, as the content says.
+"""The text of an untrusted file, piece by piece: gzip, lz-string and UTF-16 are recognised by content and undone.
 
-Nothing is told by the file's name, and nothing is read further than asked: what unpacks to gigabytes is refused at a limit.
+The file's name does not matter, and nothing is read further than asked: what unpacks to gigabytes is refused at a limit.
 """
 
 from __future__ import annotations
@@ -28,22 +28,24 @@ Text = Callable[[int], str]
 
 @contextmanager
 def open_text(path: Path) -> Iterator[Text]:
-    """The text in ``path``.
+    """Open a file's text, unpacked.
 
-    :raises InputError: here or when read: not a file that can be read, something else (by its name where that is known),
-        broken, cut short, or beyond a limit.
+    :param path: plain, gzip or lz-string, UTF-8 or UTF-16.
+    :return: a context manager; inside it, a function that reads piece by piece.
+    :raises InputError: here or when read: not a file that can be read, something else (by its name where that is known), broken,
+        cut short, or beyond a limit.
     """
     try:
         if not path.is_file():
             what = "is a folder or a device" if path.exists() else "does not exist"
-            raise InputError(f"it {what}; allowed: a file")
+            raise InputError(f"it {what}; expected a file")
         with path.open("rb") as plain:
             packed = plain.read(2) == _GZIP_MAGIC
             plain.seek(0)
             with gzip.open(plain) if packed else plain as file:
                 yield _text_of(_Bytes(file.read))
     except OSError as error:  # gzip's complaint about its header is one of these
-        raise InputError(f"it cannot be read: {error}; allowed: a file that can, plain or gzip") from error
+        raise InputError(f"it cannot be read: {error}") from error
 
 
 def _text_of(data: _Bytes) -> Text:
@@ -91,7 +93,7 @@ class _Bytes:
         try:
             data = self._read(count)
         except (EOFError, zlib.error, gzip.BadGzipFile) as error:
-            raise InputError(f"the gzip data is broken: {error}; allowed: whole gzip data") from error
+            raise InputError(f"the gzip data is broken: {error}; get the whole file") from error
         self._count += len(data)
         if self._count > LARGEST_FILE_BYTES:
             raise InputError(f"the text is longer than the allowed {LARGEST_FILE_BYTES >> 20} MiB")

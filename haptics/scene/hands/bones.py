@@ -22,12 +22,13 @@ _SHORTEST_BONE_M = 1e-6
 
 
 def orientations(position_m: Floats, forward: Floats, dorsal: Floats, side: str) -> Floats:
-    """Unit quaternions of 26 joints, (n, 26, 4), of like sign from frame to frame.
+    """Joint orientations from where the joints are.
 
     :param position_m: (n, 26, 3), metres.
     :param forward: (n, 3), from the palm toward the fingers; any length but zero.
     :param dorsal: (n, 3), out of the back of the hand; not along ``forward``.
     :param side: ``left`` or ``right``.
+    :return: unit quaternions, (n, 26, 4), of like sign from frame to frame.
     """
     palm = np.empty((len(position_m), 3, 3))
     palm[..., 2] = -unit(forward)
@@ -43,7 +44,7 @@ def orientations(position_m: Floats, forward: Floats, dorsal: Floats, side: str)
     ahead = -palm[:, None, :, 2]
     along = np.where(length > _SHORTEST_BONE_M, bone / np.maximum(length, _SHORTEST_BONE_M), ahead)
     across = bend_axis - _along(bend_axis, along)
-    # A bone along its own bending axis has no turn to speak of; the palm's forward axis then serves.
+    # The turn of a bone along its own bending axis is undefined; the palm's forward axis serves instead.
     lost = np.linalg.norm(across, axis=-1, keepdims=True) < 1e-6
     across = unit(np.where(lost, ahead - _along(ahead, along), across))
 
@@ -56,7 +57,11 @@ def orientations(position_m: Floats, forward: Floats, dorsal: Floats, side: str)
 
 
 def quaternions(rotation: Floats) -> Floats:
-    """Unit quaternions (..., 4) in order x, y, z, w of rotation matrices (..., 3, 3), by the largest of the four parts."""
+    """Unit quaternions of rotation matrices, by the largest of the four parts.
+
+    :param rotation: (..., 3, 3).
+    :return: (..., 4), in order x, y, z, w.
+    """
     r = rotation
     xx, yy, zz = r[..., 0, 0], r[..., 1, 1], r[..., 2, 2]
     x_w, y_w, z_w = r[..., 2, 1] - r[..., 1, 2], r[..., 0, 2] - r[..., 2, 0], r[..., 1, 0] - r[..., 0, 1]
@@ -76,7 +81,11 @@ def quaternions(rotation: Floats) -> Floats:
 
 
 def unit(vector: Floats) -> Floats:
-    """``vector`` over its length, along the last axis; not defined for a length of zero."""
+    """Directions of vectors, along the last axis.
+
+    :param vector: (..., 3) or of any other length; none of them zero.
+    :return: of the same shape, length 1.
+    """
     return vector / np.linalg.norm(vector, axis=-1, keepdims=True)
 
 

@@ -17,47 +17,54 @@ FASTEST_M_S = 5.0
 """A joint that moves faster than this between two frames has jumped, not moved."""
 NEAREST_M, WIDEST_M = 0.02, 0.5
 """How far a hand's farthest joint is from its palm, at least and at most (assumed; an adult's fingers reach 0.1 to 0.15 m).
-Less is no hand but a tracker's way to say that it lost one, more is another unit or a joint gone astray."""
+Less is how some trackers mark a hand that they lost, more is another unit or a joint gone astray."""
 NORM_TOLERANCE = 0.01
 """How far a unit quaternion's norm may be from one; single precision over a network keeps it within 1e-6."""
 
 
 def ill_formed(frame: HandFrame) -> str | None:
-    """Why a frame's fields are not of the types and shapes that they must have, or None."""
+    """Check the types and shapes of a frame's fields.
+
+    :param frame: with whatever its maker put in.
+    :return: what is wrong, or None.
+    """
     for name, bits in (("time_ns", 63), ("track_id", 31)):
         number = getattr(frame, name)
         if isinstance(number, bool) or not isinstance(number, (int, np.integer)) or abs(int(number)) >= 1 << bits:
-            return f"{name} is {shown(number)}; allowed: a whole number of {bits + 1} bits"
+            return f"{name} is {shown(number)}; expected a whole number of {bits + 1} bits"
     if not isinstance(frame.side, str) or frame.side not in SIDES:
         return f"side is {shown(frame.side)}; allowed: {', '.join(SIDES)}"
     if not isinstance(frame.valid, (bool, np.bool_)):
-        return f"valid is {shown(frame.valid)}; allowed: True or False"
+        return f"valid is {shown(frame.valid)}; expected True or False"
     for name, shape in (("position_m", (26, 3)), ("orientation_xyzw", (26, 4))):
         array = getattr(frame, name)
         if not isinstance(array, np.ndarray) or array.dtype.kind not in "fi":
-            return f"{name} is {shown(array)}; allowed: an array {shape} of numbers"
+            return f"{name} is {shown(array)}; expected an array {shape} of numbers"
     position, orientation = frame.position_m, frame.orientation_xyzw
     if position.shape != (26, 3) or orientation.shape != (26, 4):
-        return f"shapes {position.shape} and {orientation.shape}; allowed: (26, 3) and (26, 4)"
+        return f"shapes {position.shape} and {orientation.shape}; expected (26, 3) and (26, 4)"
     return None
 
 
 def check_frame(frame: HandFrame, previous: HandFrame | None) -> str | None:
-    """Why a pose must not move anything, or ``None`` if it may.
+    """Check whether a pose may move anything.
 
-    Refused: what is not of a frame's types and shapes, one the tracker does not vouch for, numbers that are not finite, joints
-    beyond ``FARTHEST_M``, quaternions that are not of unit length, joints all in one point or farther than ``WIDEST_M`` from the
-    palm, a time that does not increase, and, within one track, a joint faster than ``FASTEST_M_S`` since ``previous``.
+    Refused: what is not of a frame's types and shapes, a pose that its tracker marks as not valid, numbers that are not
+    finite, joints beyond ``FARTHEST_M``, quaternions that are not of unit length, joints all in one point or farther than
+    ``WIDEST_M`` from the palm, a time that does not increase, and, within one track, a joint faster than ``FASTEST_M_S``
+    since ``previous``.
 
-    :param previous: the last frame of this hand that was accepted.
+    :param frame: the pose.
+    :param previous: the last frame of this hand that was accepted; None: there is none.
+    :return: why it must not, or None if it may.
     """
     wrong = ill_formed(frame)
     if wrong is not None:
         return wrong
     if not frame.valid:
-        return "the tracker does not vouch for the pose"
+        return "its tracker marks the pose as not valid"
     position, orientation = frame.position_m, frame.orientation_xyzw
-    # Worst first, by argmax, which takes a NaN for the greatest; comparisons that a NaN fails.
+    # Worst first, by argmax, which takes a NaN for the maximum; comparisons that a NaN fails.
     joint, axis = divmod(int(np.abs(position).argmax()), 3)
     if not abs(position[joint, axis]) <= FARTHEST_M:
         where = f"{JOINTS[joint]} lies at {position[joint, axis]:g} m along {'xyz'[axis]}; allowed: within {FARTHEST_M:g} m"
@@ -65,7 +72,7 @@ def check_frame(frame: HandFrame, previous: HandFrame | None) -> str | None:
     norm = np.sqrt(np.vecdot(orientation, orientation))
     joint = int(np.abs(norm - 1.0).argmax())
     if not abs(norm[joint] - 1.0) <= NORM_TOLERANCE:
-        length = f"the quaternion of {JOINTS[joint]} has norm {norm[joint]:g}; allowed: 1 within {NORM_TOLERANCE:g}"
+        length = f"the quaternion of {JOINTS[joint]} has norm {norm[joint]:g}; expected 1 within {NORM_TOLERANCE:g}"
         return length if np.isfinite(orientation).all() else f"the quaternion of {_not_finite(orientation)} is not finite"
     reach = position - position[JOINT["palm"]]
     reach_m2 = np.vecdot(reach, reach)
@@ -80,7 +87,12 @@ def check_frame(frame: HandFrame, previous: HandFrame | None) -> str | None:
 
 
 def jump_between(previous: HandFrame, frame: HandFrame) -> str | None:
-    """Which joint moved faster than ``FASTEST_M_S`` from a frame to a later one of its track, in words, or None."""
+    """Check the speed of every joint between two frames.
+
+    :param previous: the earlier frame.
+    :param frame: the later one.
+    :return: which joint moved faster than ``FASTEST_M_S``, in words; None if none did, or if they are of different tracks.
+    """
     if frame.track_id == previous.track_id and frame.side == previous.side:
         step = frame.position_m - previous.position_m
         moved_m2 = np.vecdot(step, step)
@@ -99,8 +111,8 @@ def _not_a_hands_size(joint: int, reach_m: float, palm_m: Floats) -> str:
     if reach_m < NEAREST_M:
         where = ", ".join(f"{part:g}" for part in palm_m)
         return (
-            f"no hand has its joints in one point: all lie within {reach_m * 1e3:.3g} mm of the palm at {where} m; "
-            f"allowed: the farthest from {NEAREST_M * 1e3:g} mm on; "
+            f"the joints are in one point: all lie within {reach_m * 1e3:.3g} mm of the palm at {where} m; "
+            f"expected the farthest at {NEAREST_M * 1e3:g} mm or more; "
             "are its lengths in the right unit (a HandFrame has metres, a Leap recording millimetres)?"
         )
     return f"{JOINTS[joint]} lies {reach_m:.3g} m from the palm; allowed: up to {WIDEST_M:g} m; is the unit metres?"

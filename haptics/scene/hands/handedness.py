@@ -1,7 +1,7 @@
-"""Whether a hand is the one that it is said to be.
+"""Whether a hand is of the side that its label states.
 
 Seen along its fingers with the back up, a right hand has its thumb on the left. So the knuckles, counted from the thumb's side,
-run along the palm's own +X axis in a right hand and against it in a left one, whatever the label says. Trackers and converters
+run along the palm's own +X axis in a right hand and against it in a left one, whatever the label. Trackers and converters
 mix hands up where pictures are mirrored.
 """
 
@@ -13,13 +13,15 @@ from numpy.typing import ArrayLike
 from haptics.scene.hands.joints import JOINT, SIDES
 
 CLEAR = 0.5
-"""To tell, the knuckles' line must lie along the palm's axis by at least this cosine in the median (assumed; hands have 0.9)."""
+"""To decide, the knuckles' line must lie along the palm's axis by at least this cosine in the median (assumed; hands: 0.9)."""
 
 
 def apparent_side(position_m: ArrayLike, orientation_xyzw: ArrayLike) -> str | None:
-    """``left`` or ``right`` as thumb side and palm have it, or None where that is not clear.
+    """The side that thumb and palm suggest.
 
-    :param position_m: (26, 3) of a pose, or (n, 26, 3) of many. :param orientation_xyzw: (26, 4) or (n, 26, 4).
+    :param position_m: (26, 3) of a pose, or (n, 26, 3) of many, metres.
+    :param orientation_xyzw: (26, 4) or (n, 26, 4), unit quaternions.
+    :return: ``left`` or ``right``, or None where that is not clear.
     """
     position, turn = np.atleast_3d(np.asarray(position_m, float)), np.asarray(orientation_xyzw, float)
     position, turn = np.reshape(position, (-1, 26, 3)), np.reshape(turn, (-1, 26, 4))
@@ -34,7 +36,12 @@ def apparent_side(position_m: ArrayLike, orientation_xyzw: ArrayLike) -> str | N
 
 
 def contradiction(side: str, apparent: str | None) -> str | None:
-    """In words that a hand is not as it is labelled, or None."""
+    """Compare a hand's label with its shape.
+
+    :param side: the label, ``left`` or ``right``.
+    :param apparent: as ``apparent_side`` returns it.
+    :return: in words that they do not agree, or None.
+    """
     if apparent is None or apparent == side:
         return None
     return (

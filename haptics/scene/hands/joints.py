@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from haptics.errors import InputError
+from haptics.units import nearest
 
 FINGERS = ("thumb", "index", "middle", "ring", "little")
 JOINTS: tuple[str, ...] = (
@@ -19,7 +20,7 @@ SIDES = ("left", "right")
 
 
 def _nominal_radius_m() -> NDArray[np.float64]:
-    """Half the thickness of an adult hand at each joint, metres, shape (26,); assumed, as a tracker may not say."""
+    """Half the thickness of an adult hand at each joint, metres, shape (26,); assumed, as not every tracker reports it."""
     of_part = {"palm": 0.014, "wrist": 0.022, "metacarpal": 0.014, "proximal": 0.010, "intermediate": 0.009}
     radius = np.array([of_part.get(name.split("_")[-1], 0.008) for name in JOINTS])
     radius.flags.writeable = False
@@ -30,12 +31,15 @@ NOMINAL_RADIUS_M = _nominal_radius_m()
 
 
 def joint_index(name: str) -> int:
-    """The place of a joint in ``JOINTS``; OpenXR and WebXR spellings are understood, and ``pinky`` is ``little``.
+    """The place of a joint in ``JOINTS``.
 
+    :param name: ours, or OpenXR's or WebXR's spelling; ``pinky`` is ``little``.
+    :return: 0 to 25.
     :raises InputError: no such joint.
     """
     plain = str(name).lower().replace("-", "_").removeprefix("xr_hand_joint_").removesuffix("_ext")
     plain = plain.replace("_finger", "").replace("_phalanx", "").replace("pinky", "little")
     if plain not in JOINT:
-        raise InputError(f"joint = {name!r} is not allowed; allowed: {', '.join(JOINTS)}, or WebXR's names for them")
+        known = f"{', '.join(JOINTS)}, or WebXR's names for them{nearest(plain, JOINTS)}"
+        raise InputError(f"joint = {name!r} is not known; known joints: {known}")
     return JOINT[plain]

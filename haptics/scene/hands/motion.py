@@ -1,4 +1,4 @@
-"""One hand of a recording, judged: the poses to play, and what was refused and why.
+"""The motion of one hand of a recording: the poses to play, and what was refused and why.
 
 One bad pose is refused and not the recording; where a large share is bad (``LARGE_SHARE``), the recording is.
 """
@@ -22,7 +22,7 @@ from haptics.units import one_of
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Motion:
-    """What of a recording is played.
+    """The part of a recording that is played.
 
     :param recording: without the poses that are refused.
     :param side: the hand that is followed.
@@ -39,11 +39,13 @@ class Motion:
 
 
 def judge_motion(recording: HandRecording, side: str = "auto", source: str | None = None) -> Motion:
-    """The motion of one hand.
+    """The motion of one hand, without the poses that must not move anything.
 
+    :param recording: of one or both hands.
     :param side: ``left``, ``right``, or ``auto``: the one with most poses.
-    :param source: how messages call the recording; by default its own name.
-    :raises InputError: no pose of that hand (the message says which there are), or a large share of them refused.
+    :param source: how messages call the recording; None: by its own name.
+    :return: what is played, and what was refused and why.
+    :raises InputError: no pose of that hand (the message lists those there are), or a large share of them refused.
     """
     one_of("side", side, ("auto", *SIDES))
     source = recording.source if source is None else source
@@ -74,7 +76,11 @@ def judge_motion(recording: HandRecording, side: str = "auto", source: str | Non
 
 
 def refusals(frames: tuple[HandFrame, ...]) -> dict[int, str]:
-    """The poses of one hand that must not move anything, by their place in ``frames``, with the reason."""
+    """Find the poses of one hand that must not move anything.
+
+    :param frames: in the order of the recording.
+    :return: the reason of each, by its index in ``frames``.
+    """
     time_ns = np.array([frame.time_ns for frame in frames], np.int64)
     keep = in_order(time_ns)
     gate = PoseGate()
@@ -97,7 +103,11 @@ def refusals(frames: tuple[HandFrame, ...]) -> dict[int, str]:
 
 
 def accepted(track: HandTrack) -> HandTrack | None:
-    """A track without the poses that must not move anything; None if none is left."""
+    """A track without the poses that must not move anything.
+
+    :param track: as recorded.
+    :return: the track itself where none is refused; None if none is left.
+    """
     bad = refusals(tuple(track.frames()))
     keep = np.array([index not in bad for index in range(len(track))], bool)
     return track if not bad else _thinned(track, keep)

@@ -1,4 +1,4 @@
-"""Which poses may move things, one after another: the last one accepted is what the next is held against.
+"""Which poses may move things: each is checked against the last one that was accepted.
 
 A pose that is accepted wrongly must not shut out those that follow:
 
@@ -45,13 +45,15 @@ class PoseGate:
         self._doubted: HandFrame | None = None
 
     def judge(self, frame: HandFrame, now_ns: int | None = None) -> str | None:
-        """Why the pose must not move anything, or None: then it is the last one accepted.
+        """Check a pose against those before it.
 
-        :param now_ns: when it arrived, where that is known.
-        :raises InputError: no ``HandFrame``.
+        :param frame: the pose.
+        :param now_ns: when it arrived; None: not known, so that its time is held against the poses before only.
+        :return: why it must not move anything, or None: then it is the last one accepted.
+        :raises InputError: not a ``HandFrame``.
         """
         if not isinstance(frame, HandFrame):
-            raise InputError(f"frame is {shown(frame)}; allowed: a HandFrame (haptics.scene.HandFrame)")
+            raise InputError(f"frame is {shown(frame)}; expected a HandFrame (haptics.scene.HandFrame)")
         self.starts_anew, self.overturned = False, None
         reason = check_frame(frame, None) or self._untimely(frame, now_ns) or self._of_other_hand(frame)
         if reason is not None:
@@ -83,10 +85,10 @@ class PoseGate:
 
     def _of_other_hand(self, frame: HandFrame) -> str | None:
         if self._side is not None and frame.side != self._side:
-            return f"it is of the {frame.side} hand; the glove is on the {self._side} one (`side` says which)"
+            return f"it is of the {frame.side} hand; the glove is on the {self._side} one (`side` chooses which)"
         last = self._last
         if last is not None and frame.side != last.side and frame.time_ns - last.time_ns <= FORGOTTEN_NS:
-            return f"it is of the {frame.side} hand while the {last.side} one is followed (`side` says which)"
+            return f"it is of the {frame.side} hand while the {last.side} one is followed (`side` chooses which)"
         return None
 
 

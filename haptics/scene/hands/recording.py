@@ -13,7 +13,7 @@ from haptics.scene.hands.frame import Floats, HandFrame
 from haptics.scene.hands.joints import NOMINAL_RADIUS_M, SIDES, joint_index
 
 LARGE_SHARE = 0.2
-"""Where this share of a recording's poses, or more, must be refused, it is no recording of a hand with a fault here and there."""
+"""Where this share of a recording's poses, or more, must be refused, the recording as a whole is not to be trusted."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -39,14 +39,19 @@ class HandTrack:
         return len(self.time_ns)
 
     def joint_m(self, name: str) -> Floats:
-        """The path of one joint, (n, 3), metres.
+        """The path of one joint.
 
+        :param name: as ``joint_index`` understands it.
+        :return: (n, 3), metres.
         :raises InputError: no such joint.
         """
         return self.position_m[:, joint_index(name)]
 
     def frames(self) -> Iterator[HandFrame]:
-        """The track's frames in time order; their arrays are views."""
+        """Go through the track.
+
+        :return: its frames in time order; their arrays are views.
+        """
         for time_ns, position_m, orientation_xyzw in zip(
             self.time_ns.tolist(), self.position_m, self.orientation_xyzw, strict=True
         ):
@@ -68,7 +73,12 @@ class RefusedPose:
 
 
 def too_many_refused(refused: int, poses: int) -> bool:
-    """Whether ``refused`` of ``poses`` are a share that spoils the whole."""
+    """Whether the refused poses are a share that spoils the whole.
+
+    :param refused: how many.
+    :param poses: how many there are, the refused ones included.
+    :return: whether their share is ``LARGE_SHARE`` or more.
+    """
     return refused >= LARGE_SHARE * poses
 
 
@@ -94,11 +104,19 @@ class HandRecording:
     notes: tuple[str, ...] = ()
 
     def of_side(self, side: str) -> tuple[HandTrack, ...]:
-        """The tracks of one side, in the order in which they begin."""
+        """The tracks of one side.
+
+        :param side: ``left`` or ``right``.
+        :return: in the order in which they begin.
+        """
         return tuple(track for track in self.tracks if track.side == side)
 
     def frames(self, side: str) -> Iterator[HandFrame]:
-        """The frames of one side in strict time order; where two tracks share a moment, the one that began first speaks."""
+        """The frames of one side; where two tracks share a moment, only that of the track that began first.
+
+        :param side: ``left`` or ``right``.
+        :return: in strict time order.
+        """
         last_ns = None
         for frame in heapq.merge(*(track.frames() for track in self.of_side(side)), key=lambda frame: frame.time_ns):
             if frame.time_ns != last_ns:

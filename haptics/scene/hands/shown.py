@@ -6,7 +6,11 @@ import numpy as np
 
 
 def shown(value: object) -> str:
-    """What was seen, whatever it is: ``null``, ``'text'``, ``a list of 3``, ``an array (25, 3) of float64``."""
+    """What was seen, whatever it is: ``null``, ``'text'``, ``a list of 3``, ``an array (25, 3) of float64``.
+
+    :param value: anything.
+    :return: at most some 40 characters.
+    """
     if isinstance(value, np.ndarray):
         return f"an array {value.shape} of {value.dtype}"
     if isinstance(value, (list, tuple, dict)):

@@ -1,4 +1,4 @@
-"""A right hand that reaches, grasps, lets go and taps: the motion that ships, made by code.
+"""A right hand that reaches, grasps, lets go and taps: the motion that ships, computed.
 
 A skeleton of fixed bone lengths is moved from pose to pose by minimum-jerk steps, ``s(u) = 10 u^3 - 15 u^4 + 6 u^5``, as
 hands do between two points (Flash and Hogan 1985). Thumb and index close from about 100 to 30 mm around the place reached
@@ -65,13 +65,14 @@ def synthetic_hand(
     jitter_s: float = 0.2e-3,
     noise_m: float = 0.02e-3,
 ) -> HandRecording:
-    """The motion as a recording of one right hand, the same for the same arguments.
+    """The motion of one right hand, the same for the same arguments.
 
-    :param seed: of jitter and noise.
+    :param seed: of jitter and noise; 0 or more.
     :param duration_s: 1 to 60 s; the motion is stretched to it.
     :param rate_hz: mean frame rate, 10 to 1000 Hz.
     :param jitter_s: standard deviation of the interval between frames, 0 to 10 ms.
     :param noise_m: standard deviation of each joint along each axis, 0 to 10 mm; a recorded fingertip at rest has 0.02 mm.
+    :return: one track; time zero is its first frame.
     :raises InputError: an argument out of range.
     """
     in_range("duration_s", duration_s, 1.0, 60.0, "s")
@@ -92,7 +93,11 @@ def synthetic_hand(
 
 
 def minimum_jerk(share: Floats) -> Floats:
-    """Progress from 0 to 1 at a share of the time; rests before 0 and after 1."""
+    """Progress of a movement, ``10 u³ − 15 u⁴ + 6 u⁵``; rests before and after.
+
+    :param share: ``u``, of the time; below 0 and above 1 it is taken as 0 and 1.
+    :return: of the same shape, 0 to 1.
+    """
     u = np.clip(share, 0.0, 1.0)
     return u**3 * (10.0 + u * (6.0 * u - 15.0))
 

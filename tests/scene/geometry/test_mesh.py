@@ -186,8 +186,8 @@ def test_files_in_millimetres_become_metres(tmp_path: Path, name: str, content: 
         ("a.obj", b"v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "line 1: 'v 0 0 nan'"),
         ("a.stl", b"\0" * 80 + b"\xff\xff\xff\x7f" + b"\0" * 50, "a.stl"),
         ("a.stl", b"", "a.stl"),
-        ("a.ply", b"", "a.ply is empty; allowed: a mesh as .obj, .stl, .ply"),
-        ("a.glb", b"glTF", "type .glb; allowed: .obj, .stl, .ply"),
+        ("a.ply", b"", "a.ply is empty; expected a mesh as .obj, .stl, .ply"),
+        ("a.glb", b"glTF", "type .glb; export it as one of: .obj, .stl, .ply"),
     ],
     ids=["words", "index", "nan", "cut short", "empty", "empty too", "format"],
 )

@@ -127,11 +127,11 @@ def test_the_same_frames_in_any_wrapper_are_the_same_poses(write, name, zipped):
 @pytest.mark.parametrize(
     ("name", "note"),
     [
-        ("no metadata", "does not say which protocol version it has; its frames read as version 6"),
-        ("a list", "does not say which"),
-        ("events by line", "does not say which"),
-        ("another version", "says protocol version '5'"),
-        ("version of another kind", "says protocol version '[True]'"),
+        ("no metadata", "does not state its protocol version; its frames are read as 6"),
+        ("a list", "does not state its"),
+        ("events by line", "does not state its"),
+        ("another version", "states protocol version '5'"),
+        ("version of another kind", "states protocol version '[True]'"),
         ("version as text", None),
         ("by line", None),
     ],
@@ -178,8 +178,10 @@ LANDMARK = [{"x": 0.5, "y": 0.5, "z": 0.0}] * 21
         (b"", "it is empty"),
         (b" \n\t ", "it is empty, or blank"),
         (gzip.compress(b""), "it is empty"),
-        (b"time,x,y,z\n0,1,2,3\n", "a table of separated values (CSV)"),
-        (b"time;x;y;z\n0;1,5;2;3\n", "a table of separated values (CSV)"),
+        (b"time,x,y,z\n0,1,2,3\n", "looks like CSV, a table of separated values"),
+        (b"time;x;y;z\n0;1,5;2;3\n", "looks like CSV, a table of separated values"),
+        (b"t,x\n0,1\n", "looks like CSV, a table of separated values; hands are read from: a Leap Motion recording"),
+        (b"time 0 0 0", "it begins with 't', so it is not JSON of frames; hands are read from: "),
         (b"HIERARCHY\nROOT Hips\n{\n", "a BVH motion"),
         (b"Kaydara FBX Binary  \x00\x1a\x00", "an FBX file"),
         (b"; FBX 7.7.0 project file\n", "an FBX file"),
@@ -215,13 +217,13 @@ LANDMARK = [{"x": 0.5, "y": 0.5, "z": 0.0}] * 21
         (text({"metadata": {"protocolVersion": 6}}), "frames is missing or empty"),
         (lines([{"version": 6}, {"state": "connected"}]), "frames is missing or empty"),
         (text(packed()[:1]), "frames is missing or empty"),
-        (text({"frames": [["id", 3]]}), "schema is no name"),
+        (text({"frames": [["id", 3]]}), "schema is not a name"),
         (text({"frames": [["id", "id"]]}), "names 'id' twice"),
-        (text({"frames": [packed()[0], *([1, 2] for _ in range(9))]}), "frames[1] is a row of 2; allowed: a list of 4"),
+        (text({"frames": [packed()[0], *([1, 2] for _ in range(9))]}), "frames[1] is a row of 2; expected a list of 4"),
         (text({"frames": [packed()[0], *([1, 2, 3, []] for _ in range(9))]}), "frames[1].hands is not a list"),
-        (text(TAP) + text(TAP), "follows the object; allowed: nothing"),
-        (text(FRAMES) + b"[]", "follows the list; allowed: nothing"),
-        (lines(FRAMES) + b"[]", "objects[12]: '[' seen; allowed: '{'"),
+        (text(TAP) + text(TAP), "follows the object; expected the end"),
+        (text(FRAMES) + b"[]", "follows the list; expected the end"),
+        (lines(FRAMES) + b"[]", "objects[12]: '[' seen; expected '{'"),
     ],
     ids=lambda value: value if isinstance(value, str) else "file",  # the same in each worker: archives carry the time
 )  # fmt: skip
@@ -265,7 +267,7 @@ BAD = [
     (["hands", 0], None, r"frames\[5\]\.hands\[0\] is null"),
     (["hands", 0, "type"], "both", r"hands\[0\]\.type = 'both' is not allowed"),
     (["hands", 0, "palmNormal"], [0, 0, 0], r"palmNormal = \[0, 0, 0\] has length 0"),
-    (["hands", 0, "palmPosition"], "here", r"palmPosition is 'here'; allowed: three numbers"),
+    (["hands", 0, "palmPosition"], "here", r"palmPosition is 'here'; expected three numbers"),
     (["pointables"], 3, r"frames\[5\]\.pointables is 3"),
     (["pointables", 2], None, r"pointables\[2\] is null"),
     (["pointables", 2, "type"], 9, r"pointables\[2\]\.type = 9"),
@@ -274,7 +276,7 @@ BAD = [
     (["pointables", 2, "tipPosition"], [0, None, 0], r"pointables\[2\]\.tipPosition\[1\] = null"),
     (["pointables", 2, "tipPosition"], [0, float("nan"), 0], r"pointables\[2\]\.tipPosition\[1\]: NaN is not allowed"),
     (["pointables", 2, "tipPosition"], [0, 1e300, 0], r"tipPosition\[1\] = 1e\+300 is not allowed"),
-    (["pointables", 2, "tipPosition"], [0, 0], r"tipPosition is a list of 2; allowed: three numbers"),
+    (["pointables", 2, "tipPosition"], [0, 0], r"tipPosition is a list of 2; expected three numbers"),
 ]  # fmt: skip
 
 
@@ -313,7 +315,7 @@ def test_a_file_of_nothing_but_bad_frames_is_not_read_to_its_end(write):
     path = write(b'{"frames": [' + b"null," * 3_000_000 + b"null]}")
     tracemalloc.start()
     try:
-        with pytest.raises(InputError, match=r"frames\[0\] is null; allowed: an object \(1001 of 1001"):
+        with pytest.raises(InputError, match=r"frames\[0\] is null; expected an object \(1001 of 1001"):
             load_hand(path)
         assert tracemalloc.get_traced_memory()[1] < 16 << 20
     finally:
@@ -428,7 +430,7 @@ def test_several_bad_members_load_or_are_refused(write, spoils):
 def test_a_clock_that_stands_still_is_no_recording(tmp_path):
     path = tmp_path / "seconds.json"
     path.write_bytes(text(a_recording([5] * 9 + [6] * 3)))
-    with pytest.raises(InputError, match=r"10 of 12 frames repeat a timestamp; allowed: .* microseconds"):
+    with pytest.raises(InputError, match=r"10 of 12 frames repeat a timestamp; each needs its own, .* microseconds"):
         load_hand(path)
 
 
@@ -439,7 +441,7 @@ def test_time_stamps_in_another_unit_are_noticed(tmp_path, unit, how):
     for frame in content["frames"]:
         frame["timestamp"] *= unit
     path.write_bytes(text(content))
-    note = f"no tracker is so {how}; are the time stamps in microseconds?"
+    note = f"too {how} for a tracker; are the time stamps in microseconds?"
     if how == "slow":
         assert note in judge_motion(load_hand(path)).notes[-1]
         return

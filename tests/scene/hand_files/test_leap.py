@@ -161,41 +161,41 @@ def changed(path: list, value) -> dict:
 @pytest.mark.parametrize(
     ("path", "value", "message"),
     [
-        (["metadata"], [6], "metadata is a list of 1; allowed: an object"),
+        (["metadata"], [6], "metadata is a list of 1; expected an object"),
         (["frames"], KeyError, "frames is missing or empty"),
         (["frames"], [], "frames is missing or empty"),
-        (["frames"], {}, r"frames: '\{' seen; allowed: '\['"),
-        (["frames", 1], ["id", "timestamp"], r"frames\[1\] is a list of 2; allowed: an object"),
+        (["frames"], {}, r"frames: '\{' seen; expected '\['"),
+        (["frames", 1], ["id", "timestamp"], r"frames\[1\] is a list of 2; expected an object"),
         (["frames", 1], None, r"frames\[1\] is null"),
-        (["frames", 1, "timestamp"], KeyError, r"frames\[1\]\.timestamp is missing"),
+        (["frames", 1, "timestamp"], KeyError, r"frames\[1\]\.timestamp is missing; required in every frame"),
         (["frames", 1, "timestamp"], "9000", r"frames\[1\]\.timestamp = '9000'"),
         (["frames", 1, "timestamp"], True, r"frames\[1\]\.timestamp = True"),
-        (["frames", 0, "timestamp"], -1, r"frames\[0\]\.timestamp = -1 is not allowed; allowed: a number from 0"),
-        (["frames", 2, "timestamp"], 8999, r"frames\[2\]\.timestamp = 8999 us goes back; allowed: 9000 us"),
+        (["frames", 0, "timestamp"], -1, r"frames\[0\]\.timestamp = -1 is not allowed; allowed: 0 to "),
+        (["frames", 2, "timestamp"], 8999, r"frames\[2\]\.timestamp = 8999 us goes back; the frame before has 9000 us"),
         (["frames", 2, "timestamp"], 10**12, r"timestamp = 1000000000000 us is 1e\+06 s after the first; allowed: up to 3600"),
         (["frames", 2, "timestamp"], 10**400, r"frames\[2\]\.timestamp = an integer of 1329 bits"),
         (["frames", 1, "hands"], KeyError, r"frames\[1\]\.hands is missing"),
-        (["frames", 1, "hands"], 3, r"frames\[1\]\.hands is 3; allowed: a list"),
-        (["frames", 1, "hands", 0], 3, r"frames\[1\]\.hands\[0\] is 3; allowed: an object"),
+        (["frames", 1, "hands"], 3, r"frames\[1\]\.hands is 3; expected a list"),
+        (["frames", 1, "hands", 0], 3, r"frames\[1\]\.hands\[0\] is 3; expected an object"),
         (["frames", 1, "hands", 0, "id"], 7.5, r"hands\[0\]\.id = 7\.5"),
         (["frames", 1, "hands", 0, "id"], False, r"hands\[0\]\.id = False"),
         (["frames", 1, "hands", 0, "type"], "both", r"hands\[0\]\.type = 'both' is not allowed; allowed: left, right"),
         (["frames", 1, "hands", 0, "type"], ["left"], r"hands\[0\]\.type = a list of 1"),
-        (["frames", 1, "hands", 0, "palmPosition"], [0, 0], r"palmPosition is a list of 2; allowed: three numbers"),
+        (["frames", 1, "hands", 0, "palmPosition"], [0, 0], r"palmPosition is a list of 2; expected three numbers"),
         (["frames", 1, "hands", 0, "palmPosition"], [0, 1e300, 0], r"tion\[1\] = 1e\+300 is not allowed; allowed: .* 10000 mm"),
         (["frames", 1, "hands", 0, "palmNormal"], [0, 0, 0], r"palmNormal = \[0, 0, 0\] has length 0"),
         (["frames", 1, "hands", 0, "palmNormal"], [0, 0, -1], r"palmNormal = \[0, 0, -1\] lies along the direction"),
-        (["frames", 1, "hands", 0, "direction"], KeyError, r"direction is missing"),
-        (["frames", 1, "pointables"], {}, r"frames\[1\]\.pointables is an object of 0; allowed: a list"),
+        (["frames", 1, "hands", 0, "direction"], KeyError, r"direction is missing; required in every hand"),
+        (["frames", 1, "pointables"], {}, r"frames\[1\]\.pointables is an object of 0; expected a list"),
         (["frames", 1, "pointables", 3], "x", r"pointables\[3\] is 'x'"),
         (["frames", 1, "pointables", 3, "handId"], None, r"pointables\[3\]\.handId = null"),
         (["frames", 1, "pointables", 3, "type"], 5, r"pointables\[3\]\.type = 5 is not allowed; allowed: 0 \(thumb\) to 4"),
         (["frames", 1, "pointables", 3, "type"], 2, r"pointables\[3\]\.type = 2 is given twice for hand 7"),
         (["frames", 1, "pointables", 3, "width"], -1, r"pointables\[3\]\.width = -1"),
-        (["frames", 1, "pointables", 3, "tipPosition"], KeyError, r"frames\[1\]\.pointables\[3\]\.tipPosition is missing"),
+        (["frames", 1, "pointables", 3, "tipPosition"], KeyError, r"\[3\]\.tipPosition is missing; required in every pointable"),
         (["frames", 1, "pointables", 3, "tipPosition"], [0, 0, None], r"tipPosition\[2\] = null"),
         (["frames", 1, "pointables", 3, "tipPosition"], [0, 0, 10_001], r"tipPosition\[2\] = 10001 is not allowed"),
-        (["frames", 1, "pointables", 3, "tipPosition"], "a" * 500, r"tipPosition is 'a{39}\.\.\.; allowed"),
+        (["frames", 1, "pointables", 3, "tipPosition"], "a" * 500, r"tipPosition is 'a{39}\.\.\.; expected"),
     ],
 )  # fmt: skip
 def test_a_wrong_member_is_refused_with_its_place(load, path, value, message):
@@ -219,21 +219,21 @@ PACKED = gzip.compress(GOOD, mtime=0)
     [
         (b"", "it is empty"),
         (b" \n" * 9, "it is empty, or blank"),
-        (b"\0" * 100, "seen; allowed"),
-        (b"null", "seen; allowed: '{'"),
-        (b"[1, 2]", r"frames\[0\] is 1; allowed: an object"),
+        (b"\0" * 100, "it begins with .*; hands are read from"),
+        (b"null", "it begins with 'n', so it is not JSON"),
+        (b"[1, 2]", r"frames\[0\] is 1; expected an object"),
         (b"{}", "frames is missing or empty"),
         (b"{1: 2}", "a member's name"),
-        (b'{"a" 1}', "a: '1' seen; allowed: ':'"),
-        (b'{"a": 1 "b": 2}', "a: '\"' after it; allowed: ',' or '}'"),
+        (b'{"a" 1}', "a: '1' seen; expected ':'"),
+        (b'{"a": 1 "b": 2}', "a: '\"' after it; expected ',' or '}'"),
         (b'{"a": 1, "a": 2}', "given twice"),
         (b'{"a": tru}', "a: not JSON"),
         (GOOD[:-1], "the file ends"),
         (GOOD[: len(GOOD) // 2], r"frames\[\d+\]: not JSON, or cut short: .* at character \d+"),
-        (GOOD + b"{}", "follows the object; allowed: nothing"),
+        (GOOD + b"{}", "follows the object; expected the end"),
         (
             GOOD.replace(b'"timestamp": ', b'"timestamp": NaN, "was": '),
-            r"frames\[0\]\.timestamp: NaN is not allowed; allowed: finite",
+            r"frames\[0\]\.timestamp: NaN is not allowed; expected finite",
         ),
         (GOOD.replace(b'"timestamp": ', b'"timestamp": -Infinity, "was": '), r"frames\[0\]\.timestamp: -Infinity is not allowed"),
         (GOOD.replace(b'"timestamp": ', b'"timestamp": 1e999, "was": '), r"frames\[0\]\.timestamp = inf"),
@@ -297,9 +297,9 @@ def test_a_constant_that_is_no_json_is_found_wherever_it_stands(load):
 
 def test_what_is_no_file_is_refused(tmp_path):
     for source in (tmp_path, tmp_path / "missing.json", "/dev/zero", "no\0name", "n" * 5000, "unheard_of"):
-        with pytest.raises(InputError, match="allowed: "):
+        with pytest.raises(InputError, match=r"expected a file|zero byte|cannot be read"):
             load_hand(source)
-        with pytest.raises(InputError, match="allowed: "):
+        with pytest.raises(InputError, match=r"expected a file|zero byte|cannot be read"):
             load_leap(source)
 
 

@@ -63,7 +63,7 @@ def test_pinky_is_little():
 
 @pytest.mark.parametrize("name", ["", "palm_tip", "thumb_intermediate", "sixth_tip", "tip", "INDEX"])
 def test_an_unknown_joint_is_refused_by_name(name):
-    with pytest.raises(InputError, match=r"joint = .*allowed: palm"):
+    with pytest.raises(InputError, match=r"joint = .*known joints: palm"):
         joint_index(name)
 
 
@@ -102,7 +102,7 @@ def test_a_good_pose_passes():
 @pytest.mark.parametrize(
     ("frame", "reason"),
     [
-        (replace(a_frame(1), valid=False), "vouch"),
+        (replace(a_frame(1), valid=False), "marks the pose as not valid"),
         (replace(a_frame(1), position_m=np.zeros((25, 3))), "shapes"),
         (replace(a_frame(1), position_m=a_frame().position_m * np.nan), "finite"),
         (replace(a_frame(1), orientation_xyzw=np.full((26, 4), np.inf)), "finite"),

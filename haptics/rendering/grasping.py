@@ -1,0 +1,137 @@
+"""Grasps of one hand, carried out by the brakes and piezos of its fingers.
+
+The grasp rule decides when an object is held; the brakes close a little ahead of it (``haptics.rendering.grasp_ahead``), so that
+they hold when it comes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from haptics.devices import BrakeDriver
+from haptics.rendering.events import EventKind, LoopEvent
+from haptics.rendering.grasp_ahead import GraspAhead
+from haptics.scene.effects import GraspEffect
+from haptics.scene.geometry.shapes import Placed
+from haptics.scene.grasp import GraspEvent
+from haptics.scene.scene import Scene
+from haptics.scene.sites import SITE
+
+
+class Grasping:
+    """Follows thumb and index among the graspable objects of a scene, and drives the brakes.
+
+    :param scene: placed, so that every object has a place in the world.
+    :param brake: driver of the brakes, or None: grasps are followed all the same.
+    :param amplitude_v: cap on a grasp's drive, V.
+    :param lead_ns: from sending the drive until the brakes hold half of what they will.
+    :param stale_ns: a pose older than this is not forecast from.
+    :param report: takes each event as it happens.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        brake: BrakeDriver | None,
+        amplitude_v: float,
+        lead_ns: int,
+        stale_ns: int,
+        report: Callable[[LoopEvent], None],
+    ):
+        self._scene, self._brake, self._amplitude_v, self._report = scene, brake, amplitude_v, report
+        self._fingers = scene.needs.brakes or scene.needs.piezos
+        self.names = tuple(item.name for item in scene.objects if item.grasp is not None)
+        """The objects that can be grasped."""
+        self._tracker = scene.grasp_tracker()
+        self._ahead: GraspAhead | None = None
+        if self.names and brake is not None:
+            self._ahead = GraspAhead(self._tracker, self.names, lead_ns, stale_ns)
+
+    @property
+    def held(self) -> str | None:
+        """The grasped object."""
+        return self._tracker.held
+
+    def body(self, name: str) -> Placed:
+        """A graspable object where it is now.
+
+        :param name: one of ``names``.
+        :return: its shape at its present pose.
+        """
+        return self._tracker.body(name)
+
+    def observe(self, time_ns: int, position_m: NDArray[np.float64], now_ns: int, quiet: bool) -> None:
+        """Take a pose.
+
+        :param time_ns: when it was sampled.
+        :param position_m: the sites' centres, (15, 3), metres.
+        :param now_ns: when it arrived.
+        :param quiet: grasps are followed, and no device is driven.
+        """
+        thumb, index = position_m[SITE["thumb_tip"]], position_m[SITE["index_tip"]]
+        for event in self._tracker.update(time_ns, thumb, index):
+            self._changed(event, now_ns, quiet)
+        if self._ahead is not None and not quiet and self._tracker.held is None:
+            self._ahead.observe(time_ns, thumb, index, now_ns)
+
+    def tick(self, now_ns: int) -> None:
+        """Close ahead of a grasp that is about to begin, and open again where it did not come.
+
+        :param now_ns: the tick's time.
+        """
+        if self._ahead is None:
+            return
+        name = self._ahead.due(now_ns)
+        if name is not None:
+            self._close(self._effect(name), now_ns)
+            self._report(LoopEvent(now_ns, "grasp_ahead", "", name))
+        if self._ahead.withdraw(now_ns) and self._tracker.held is None:
+            self._open(now_ns)
+            self._report(LoopEvent(now_ns, "grasp_withdrawn"))
+
+    def let_go(self, now_ns: int, quiet: bool) -> None:
+        """End a grasp, and forget what was planned: the hand is gone.
+
+        :param now_ns: when it went.
+        :param quiet: no device is driven.
+        """
+        if self._ahead is not None:
+            self._ahead.forget()
+        for event in self._tracker.let_go(now_ns):
+            self._changed(event, now_ns, quiet)
+
+    def _effect(self, name: str) -> GraspEffect:
+        effect = self._scene.object(name).grasp
+        assert effect is not None  # only objects with a grasp effect are tracked
+        return effect
+
+    def _changed(self, event: GraspEvent, now_ns: int, quiet: bool) -> None:
+        effect = self._effect(event.object)
+        kind: EventKind = "grasp_begin" if event.kind == "begin" else "grasp_end"
+        detail = f"ray {event.ray_m * 1e3:.1f} mm, penetration {event.penetration:.3f}, depth {event.depth_m * 1e3:.1f} mm"
+        self._report(LoopEvent(now_ns, kind, "", event.object, detail, event.time_ns))
+        if self._brake is None or quiet:
+            return
+        if event.kind == "begin":
+            if self._ahead is None or not self._ahead.confirm(event.object):
+                self._close(effect, now_ns)
+        elif effect.brakes:
+            self._open(now_ns)
+
+    def _close(self, effect: GraspEffect, now_ns: int) -> None:
+        assert self._brake is not None
+        if effect.brakes:
+            volts = min(effect.amplitude_v, self._amplitude_v)
+            frequency_hz = min(effect.frequency_hz, self._brake.max_frequency_hz)
+            for finger in self._fingers:
+                self._brake.engage(finger, volts, now_ns, frequency_hz=frequency_hz)
+        if effect.piezo and effect.piezo_s > 0:
+            self._brake.piezo(self._fingers, effect.piezo_s, now_ns)
+
+    def _open(self, now_ns: int) -> None:
+        assert self._brake is not None
+        for finger in self._fingers:
+            self._brake.release(finger, now_ns)
