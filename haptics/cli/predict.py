@@ -1,7 +1,7 @@
 """``haptics predict``: a bench person's calculator, with uncertainty and validity.
 
-Outside the range where a figure was measured or stated the answer says ``valid: false`` with reasons and exits 0; nonsense
-exits 2.
+Outside the range where a figure was measured or stated the answer says ``valid: false`` with reasons, or ``extrapolated`` with
+what lies outside a fit, and exits 0; nonsense exits 2.
 """
 
 from __future__ import annotations
@@ -160,3 +160,5 @@ def _answer(title: str, answer: dict[str, Any], json: bool) -> None:
     print_pairs(title, answer)
     for reason in answer.get("reasons", ()):
         print(f"not valid: {reason}")
+    for departure in answer.get("extrapolated", ()):
+        print(f"extrapolated: {departure}")

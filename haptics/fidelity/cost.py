@@ -33,14 +33,22 @@ _Maker = Callable[[int, float], Job]
 
 @dataclass(frozen=True)
 class Cost:
-    """``us_per_event``: one device, one switch or one engagement. ``s_per_sim_s``: CPU seconds, by number of devices."""
+    """What a level costs on this machine.
+
+    :param us_per_event: CPU time of one device's switch or engagement (us).
+    :param s_per_sim_s: CPU seconds for a simulated second, by number of devices.
+    """
 
     us_per_event: float
     s_per_sim_s: dict[str, float]
 
 
 def latch_cost(level: str) -> Cost:
-    """All devices switch twice a second. Level ``table`` and ``dynamic`` go by bank from 64 devices on."""
+    """Cost of tactors that all switch twice a second. Levels ``table`` and ``dynamic`` go by bank from 64 devices on.
+
+    :param level: one of ``latch_plant``'s.
+    :return: the cost.
+    """
 
     def single(count: int, seconds: float) -> Job:
         plants = [latch_plant(level, latched="off") for _ in range(count)]
@@ -71,7 +79,11 @@ def latch_cost(level: str) -> Cost:
 
 
 def thermal_cost(level: str) -> Cost:
-    """Two pulses a second: an event is a step under power and one without."""
+    """Cost of heat at two pulses a second: an event is a step under power and one without.
+
+    :param level: exact or two_node.
+    :return: the cost.
+    """
 
     def single(count: int, seconds: float) -> Job:
         plants = [thermal_plant(level) for _ in range(count)]
@@ -88,7 +100,11 @@ def thermal_cost(level: str) -> Cost:
 
 
 def brake_cost(level: str) -> Cost:
-    """A clutch driven for half of each second at 1000 V and 10 Hz while a hand pulls; stepped levels by bank from 64 on."""
+    """Cost of clutches driven for half of each second at 1000 V and 10 Hz while a hand pulls; stepped levels by bank from 64 on.
+
+    :param level: one of ``brake_plant``'s.
+    :return: the cost.
+    """
 
     def single(count: int, seconds: float) -> Job:
         plants = [brake_plant(level) for _ in range(count)]
@@ -139,7 +155,7 @@ def _cost(
 
 
 def _cpu_s(make: _Maker, count: int) -> float:
-    """CPU seconds for a simulated second: median of several, each long enough for the clock to tell."""
+    """CPU seconds for a simulated second: median of several, each long enough for the clock."""
     seconds = 2.0
     while True:
         job = make(count, seconds)

@@ -1,8 +1,8 @@
 """Every level of every model against its reference: errors over declared cases, and what each level costs here.
 
-A row is one observable of one level over one kind of case. Cases that a level refuses, or says that it does not answer for, are
-counted in ``refused`` and have no error. The reference's own rows have none either; its cost stands beside the others'. Median
-and 95 % are over a random sample; the worst of the latch is over the hardest of twelve times as many cases besides.
+A row is one observable of one level over one kind of case. Cases that a level refuses, or reports as outside of what it answers
+for, are counted in ``refused`` and have no error. The reference's own rows have none either; its cost stands beside the others'.
+Median and 95 % are over a random sample; the worst of the latch is over the hardest of twelve times as many cases besides.
 """
 
 from __future__ import annotations
@@ -52,7 +52,11 @@ def measure(
 ) -> Measured:
     """Run all levels over all cases; some five minutes, or half a minute when ``quick``.
 
-    :param seed: of the cases. :param progress: told what is being done.
+    :param quick: True: fewer cases.
+    :param seed: of the cases.
+    :param progress: called with a line on what is being done.
+    :param models: latch, thermal or brake; all by default.
+    :return: errors and costs of every level.
     :raises InputError: an unknown model.
     """
     rows: list[MeasuredRow] = []
@@ -64,7 +68,10 @@ def measure(
 
 
 def machine() -> dict[str, Any]:
-    """What the costs were measured on."""
+    """What the costs were measured on.
+
+    :return: processor, cores, system and Python, by these names.
+    """
     return {"processor": _processor(), "cores": os.cpu_count(), "system": platform.system(), "python": platform.python_version()}
 
 

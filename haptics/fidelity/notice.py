@@ -18,7 +18,15 @@ DEFAULT_TOLERANCE_JND = 1.0 / 3.0
 
 @dataclass(frozen=True, slots=True)
 class Notice:
-    """One observable. ``tolerance`` is what a plan allows at the default fraction; both in ``unit``."""
+    """One observable, and from where on an error of it is noticed.
+
+    :param observable: name of it.
+    :param unit: of threshold and tolerance.
+    :param threshold: difference that is just noticed.
+    :param tolerance: error that a plan allows at the default fraction.
+    :param provenance: how the threshold is known.
+    :param source: thesis section, or what was assumed.
+    """
 
     observable: str
     unit: str
@@ -28,7 +36,11 @@ class Notice:
     source: str
 
     def limit(self, tolerance_jnd: float) -> float:
-        """What a plan allows at a fraction of the just-noticeable difference."""
+        """What a plan allows at a fraction of the just-noticeable difference.
+
+        :param tolerance_jnd: fraction of the just-noticeable difference.
+        :return: error allowed, in ``unit``.
+        """
         return self.tolerance * tolerance_jnd / DEFAULT_TOLERANCE_JND
 
 
@@ -46,7 +58,12 @@ NOTICES = {
         Notice("response time", "ms", 100.0, 5.0, "stated", "thesis 4.7.3"),
         Notice("release time", "ms", 100.0, 5.0, "stated", "thesis 4.7.3"),
         Notice(
-            "ripple", "%", 10.0, 10.0 / 3.0, "assumed", "of the plateau: 20 Hz is felt (4.10), from about the least force step on"
+            "ripple",
+            "%",
+            10.0,
+            10.0 / 3.0,
+            "assumed",
+            "of the plateau: 20 Hz is felt (4.10), from about the smallest force step on",
         ),
         Notice("supply power", "%", 10.0, 10.0 / 3.0, "assumed", "a bench's supply reading"),
     )
@@ -65,14 +82,19 @@ JND_PERCENT_OF_RATE = {"line_forward": 6.2, "line_sideways": 6.0, "radial": 3.2,
 def force_notice(finger: str, amplitude_v: float) -> Notice:
     """Blocking force at an amplitude: the nearest published difference, from volts to force by the law's slope there.
 
+    :param finger: index or thumb.
+    :param amplitude_v: of the brake (V), 0 to 1500.
+    :return: for observable ``plateau``, in %.
     :raises InputError: a finger without published differences, or an amplitude outside 0 to 1500 V.
     """
     published = JND_PERCENT_OF_VOLTS[one_of("finger", finger, tuple(JND_PERCENT_OF_VOLTS))]
     in_range("amplitude_v", amplitude_v, 0.0, 1500.0, "V")
     nearest_v = min(published, key=lambda volts: abs(volts - amplitude_v))
     law = default_law(finger)
-    at_v = max(amplitude_v, 200.0)  # below the least published step there is next to no force to compare
-    slope = (law.force_n(1.01 * at_v) - law.force_n(0.99 * at_v)) / (0.02 * law.force_n(at_v))
+    at_v = max(amplitude_v, 200.0)  # below the smallest published step there is next to no force to compare
+    # The thumb's forces are published up to 800 V; its slope is taken from the law beyond them too.
+    below_n, at_n, above_n = (law.force_n(share * at_v, extrapolate=True) for share in (0.99, 1.0, 1.01))
+    slope = (above_n - below_n) / (0.02 * at_n)
     jnd = published[nearest_v] * slope
     return Notice(
         "plateau", "%", jnd, jnd / 3.0, "stated", f"thesis Table 4.2, {finger}, {nearest_v:g} V, by the law's slope {slope:.2f}"
@@ -82,6 +104,8 @@ def force_notice(finger: str, amplitude_v: float) -> Notice:
 def rate_notice(pattern: str) -> Notice:
     """Rate of a spatial pattern.
 
+    :param pattern: line_forward, line_sideways, radial or particle.
+    :return: for observable ``rate``, in %.
     :raises InputError: an unknown pattern.
     """
     jnd = JND_PERCENT_OF_RATE[one_of("pattern", pattern, tuple(JND_PERCENT_OF_RATE))]

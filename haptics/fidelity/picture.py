@@ -16,7 +16,11 @@ _PLATEAU_V = 1000.0
 def draw(measured: Measured, path: Path, force: bool = False) -> None:
     """Write the picture as PNG; needs the extra ``report``.
 
-    :raises InputError: the file exists and may not be overwritten. :raises ImportError: matplotlib is not installed.
+    :param measured: errors and costs.
+    :param path: of the file to write.
+    :param force: True: overwrite it.
+    :raises InputError: the file exists and may not be overwritten.
+    :raises ImportError: matplotlib is not installed.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -26,7 +30,7 @@ def draw(measured: Measured, path: Path, force: bool = False) -> None:
     FigureCanvasAgg(figure)
     panels = figure.subplots(1, len(models), squeeze=False, sharey=True)[0]
     for panel, model in zip(panels, models, strict=True):
-        # Switching trains do not tell levels of heat apart; a coil that stays on does.
+        # Switching trains do not distinguish levels of heat; a coil that stays on does.
         cases = "edge" if model == "thermal" else "typical"
         rows = [row for row in measured.rows if row.model == model and row.cases == cases and _threshold(row)]
         for observable in dict.fromkeys(row.observable for row in rows):
@@ -64,10 +68,10 @@ def _threshold(row: MeasuredRow) -> float:
 
 
 def _front(rows: list[MeasuredRow]) -> list[tuple[float, float, str]]:
-    """(cost, greatest error, level) of the levels that no other beats in both."""
-    greatest: dict[str, float] = {}
+    """(cost, largest error, level) of the levels that no other beats in both."""
+    largest: dict[str, float] = {}
     for row in rows:
-        greatest[row.level] = max(greatest.get(row.level, _FLOOR), row.worst / _threshold(row))
+        largest[row.level] = max(largest.get(row.level, _FLOOR), row.worst / _threshold(row))
     costs = {row.level: row.cost_us_per_event for row in rows}
-    points = sorted((costs[level], error, level) for level, error in greatest.items())
+    points = sorted((costs[level], error, level) for level, error in largest.items())
     return [p for k, p in enumerate(points) if all(p[1] < other[1] for other in points[:k])]

@@ -1,9 +1,9 @@
 """The plan: which devices, sites and models a scene needs at all, and the cheapest level of each whose error nobody would feel.
 
-What a scene cannot ask for does not exist: no brake, no model, no link for a scene without grasps or clutches; no actuator at a
+What a scene cannot ask for does not exist: no brake, no model, no link for a scene without grasps or clutches; no tactor at a
 site that no effect drives. Of what exists, every level's measured error (``measure``, worst of the typical cases) is held
 against what a person would notice (``notice``); the cheapest level that stays below in every observable is taken. Where even
-that costs more than the time there is, accuracy is given up where it is felt least, and the row says so.
+that costs more than the time there is, accuracy is given up where it is felt least, and the row gives the reason.
 """
 
 from __future__ import annotations
@@ -32,8 +32,16 @@ BOARDS = {"latch": "tactiles", "brake": "brake"}
 class PlanRow:
     """One device that exists, its model, the level, and why in a sentence.
 
-    ``error`` and ``limit`` are in ``unit``, of the ``observable`` that comes nearest to being noticed; None where a model has no
-    choice of level. ``count`` devices of this kind cost ``cost_s_per_s`` CPU seconds each second.
+    :param device: tactiles, heat, brake or piezo.
+    :param model: that runs it.
+    :param level: of the model.
+    :param error: worst typical error, in ``unit``, of ``observable``; None where a model has no choice of level.
+    :param limit: error that is allowed.
+    :param observable: the one that comes nearest to being noticed.
+    :param unit: of both.
+    :param count: devices of this kind.
+    :param cost_s_per_s: CPU seconds that all of them take each second.
+    :param why: in a sentence.
     """
 
     device: str
@@ -50,7 +58,11 @@ class PlanRow:
 
 @dataclass(frozen=True, slots=True)
 class Absence:
-    """One device or object that does not exist in this run, and why."""
+    """One device or object that does not exist in this run, and why.
+
+    :param device: name of it.
+    :param why: in a sentence.
+    """
 
     device: str
     why: str
@@ -58,7 +70,16 @@ class Absence:
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """What exists in a run of one scene. ``over_budget``: what is to be said where no plan keeps within the time, or empty."""
+    """What exists in a run of one scene.
+
+    :param scene: name of it.
+    :param tolerance: fraction of what is just noticed that a model may be off by.
+    :param rows: of the devices that exist.
+    :param absent: what does not exist.
+    :param sites: that have a tactor.
+    :param outputs: brakes or piezos, whichever are more.
+    :param over_budget: empty, or why no plan keeps within the time.
+    """
 
     scene: str
     tolerance: float
@@ -69,7 +90,11 @@ class Plan:
     over_budget: str = ""
 
     def builds(self, device: str) -> bool:
-        """Whether a device exists in this plan."""
+        """Whether a device exists in this plan.
+
+        :param device: tactiles, heat, brake or piezo.
+        :return: True if it does.
+        """
         return any(row.device == device for row in self.rows)
 
     @property
@@ -88,11 +113,14 @@ def plan_scene(
 ) -> Plan:
     """The plan for a scene, from what it can ask for (``Scene.needs``).
 
+    :param scene: what is to be run.
     :param tolerance_jnd: fraction of what is just noticed that a model may be off by, 0.001 to 10; a third by default.
     :param budget_s_per_s: CPU seconds a second for all models, more than 0. The plan is the same for the same numbers: asked
         again with more, accuracy comes back.
     :param levels: a level for ``latch`` or ``brake`` that is taken whatever it costs or errs.
-    :param amplitude_v: of the brakes; the scene's own by default. :param measured: errors and costs; the shipped ones by default.
+    :param amplitude_v: of the brakes (V), 0 to 1500; the scene's own by default.
+    :param measured: errors and costs; the shipped ones by default.
+    :return: the plan.
     :raises InputError: a number outside its range, an unknown model or level, or a level that was not measured.
     """
     in_range("tolerance_jnd", tolerance_jnd, 1e-3, 10.0)
@@ -165,7 +193,7 @@ class _Choice:
     what: str
     ladder: tuple[tuple[str, tuple[_Tried, ...], float], ...]
     at: int
-    least: int
+    due: int
     forced: bool
 
     @property
@@ -181,9 +209,9 @@ class _Choice:
         near = self.worst
         if self.forced:
             why = f"level {level} was asked for"
-        elif self.at < self.least:
+        elif self.at < self.due:
             over = [str(t) for t in tried if t.ratio > 1.0]
-            due = self.ladder[self.least][0]
+            due = self.ladder[self.due][0]
             why = f"level {level} for want of time, though {', '.join(over)} would be noticed; level {due} is due"
         elif self.at == 0:
             why = f"the cheapest level is unnoticed: {near}"
@@ -207,14 +235,14 @@ def _choose(
         rows = [(notice, measured.row(model, level, notice.observable)) for notice in notices]
         tried = tuple(_Tried(notice, _error(notice, row), notice.limit(tolerance_jnd)) for notice, row in rows)
         ladder.append((level, tried, _cost(rows[0][1], count)))
-    least = next((k for k, (_, tried, _) in enumerate(ladder) if all(t.ratio <= 1.0 for t in tried)), len(ladder) - 1)
+    due = next((k for k, (_, tried, _) in enumerate(ladder) if all(t.ratio <= 1.0 for t in tried)), len(ladder) - 1)
     asked = (levels or {}).get(model)
-    at = least if asked is None else names.index(asked)
-    return _Choice(device, model, count, what, tuple(ladder), at, least, asked is not None)
+    at = due if asked is None else names.index(asked)
+    return _Choice(device, model, count, what, tuple(ladder), at, due, asked is not None)
 
 
 def _within(choices: list[_Choice], budget_s_per_s: float) -> tuple[list[_Choice], str]:
-    """Step down where it is felt least until the cost is within the budget; what remains to be said if it never is."""
+    """Step down where it is felt least until the cost is within the budget; and a sentence if it never is."""
     while sum(choice.cost_s_per_s for choice in choices) > budget_s_per_s:
         # A lower rung of the ladder is worth taking only if it is cheaper.
         lower = {

@@ -4,7 +4,8 @@ from haptics.physics.brake.bank import BrakeBank
 from haptics.physics.brake.charging import DriveParameters, max_frequency_hz, rise_time_s, supply_power_w
 from haptics.physics.brake.contact import ContactLag, ContactParameters, lagged
 from haptics.physics.brake.finger import FingerParameters
-from haptics.physics.brake.force_laws import ClosingGapLaw, ForceLaw, IdealLaw, ThresholdLaw, default_law, force_law
+from haptics.physics.brake.fitted_law import ForceLaw
+from haptics.physics.brake.force_laws import ClosingGapLaw, IdealLaw, ThresholdLaw, default_law, force_law
 from haptics.physics.brake.levels import brake_plant
 from haptics.physics.brake.output_stage import OutputStage
 from haptics.physics.brake.parameters import BrakeParameters, capacitance_f

@@ -22,13 +22,22 @@ from haptics.errors import InputError
 from haptics.units import in_range
 
 Provenance = Literal["stated", "derived", "identified", "assumed"]
-"""stated: a source says so. derived: arithmetic from stated numbers. identified: fitted or solved for by a model.
+"""stated: a source gives it. derived: arithmetic from stated numbers. identified: fitted or solved for by a model.
 assumed: nobody measured it."""
 
 
 @dataclass(frozen=True)
 class ParameterRow:
-    """One parameter of a set: its value now, and what is known of it."""
+    """One parameter of a set: its value now, and what is known of it.
+
+    :param name: field of the set.
+    :param value: in ``unit``.
+    :param unit: SI symbol; "1" for a pure number.
+    :param provenance: how it is known, see ``Provenance``.
+    :param source: thesis section, or what was assumed.
+    :param low: minimum value allowed.
+    :param high: maximum value allowed.
+    """
 
     name: str
     value: float
@@ -47,7 +56,16 @@ def parameter(
     low: float = -math.inf,
     high: float = math.inf,
 ) -> Any:
-    """A dataclass field that carries unit, provenance, source and allowed range (both ends included)."""
+    """A dataclass field that carries unit, provenance, source and allowed range (both ends included).
+
+    :param default: value in ``unit``.
+    :param unit: SI symbol; "1" for a pure number.
+    :param provenance: stated, derived, identified or assumed.
+    :param source: thesis section, or what was assumed.
+    :param low: minimum value allowed; none by default.
+    :param high: maximum value allowed; none by default.
+    :return: a ``dataclasses.field``, typed as anything so that it stands for a float.
+    """
     return field(default=default, metadata={"parameter": (unit, provenance, source, low, high)})
 
 
@@ -65,17 +83,23 @@ class Parameters:
     def with_values(self, **values: float) -> Self:
         """A copy with some values changed.
 
+        :param values: new values by field name, in the field's unit.
+        :return: a new set of the same class.
         :raises InputError: an unknown name, or a value outside its range.
         """
         known = {f.name for f in fields(self)}
         for name in values:
             if name not in known:
-                raise InputError(f"parameter {name!r} is unknown to {type(self).__name__}; allowed: {', '.join(sorted(known))}")
+                raise InputError(f"parameter {name!r} is unknown to {type(self).__name__}; known: {', '.join(sorted(known))}")
         return replace(self, **values)
 
 
 def provenance(parameters: Parameters) -> list[ParameterRow]:
-    """One row for each field of ``parameters`` that was declared by ``parameter``, in order."""
+    """One row for each field of ``parameters`` that was declared by ``parameter``, in order.
+
+    :param parameters: any parameter set.
+    :return: rows in the order of the fields; fields made otherwise are left out.
+    """
     rows: list[ParameterRow] = []
     for f in fields(parameters):
         if "parameter" in f.metadata:

@@ -220,14 +220,16 @@ class OpenGlove:
         if force_n is None:
             return number("volts", volts, 0.0, max_v, "V")
         law, overlap_m2 = self._brake.law(name)
-        held_n = law.force_n(max_v, overlap_m2)
+        # The thumb's law is fitted to 800 V; a brake may be driven to the setpoint's limit all the same.
+        held_n = law.force_n(max_v, overlap_m2, extrapolate=True)
         asked_n = number("force_n", force_n, 0.0, 1e6, "N")
         if asked_n > held_n:
+            needed_v = law.volts_for(asked_n, overlap_m2, extrapolate=True)
             raise InputError(
-                f"force_n = {asked_n:g} N needs {law.volts_for(asked_n, overlap_m2):.0f} V; allowed: 0 to {held_n:.3g} N, "
+                f"force_n = {asked_n:g} N needs {needed_v:.0f} V; allowed: 0 to {held_n:.3g} N, "
                 f"what the {name} brake holds at {max_v:g} V"
             )
-        return min(law.volts_for(asked_n, overlap_m2), max_v)
+        return min(law.volts_for(asked_n, overlap_m2, extrapolate=True), max_v)
 
     def _array(self) -> TactilesDriver:
         if self._glove.tactiles is None:

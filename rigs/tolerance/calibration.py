@@ -58,7 +58,8 @@ class Host:
 
     def volts_for(self, force_n: float) -> float:
         """Volts to set for a force, by the law believed. The driver rounds them to whole volts, which is left out."""
-        return self.brake.laws[0].volts_for(force_n, self.brake.overlap_m2(0), self.brake.brake.thickness_m)
+        brake = self.brake
+        return brake.laws[0].volts_for(force_n, brake.overlap_m2(0), brake.brake.thickness_m, extrapolate=True)
 
 
 @cache

@@ -102,7 +102,7 @@ def _moved(device: Device, host: Host) -> tuple[Felt, ...]:
     own, nominal = pin(device.latch, device.coil_supply_v), _nominal_pin()
     fails = float(not (own.out.switched and own.back.switched))
     speed = own.back.impact_m_s / nominal.back.impact_m_s
-    recoil_g = recoil_m_s2(0.0, relative_speed=speed) / STANDARD_GRAVITY_M_S2 if own.back.switched else math.nan
+    recoil_g = recoil_m_s2(0.0, relative_speed=speed, extrapolate=True) / STANDARD_GRAVITY_M_S2 if own.back.switched else math.nan
     return (
         _off(own.out.arrival_s * 1e3, host.out_s * 1e3),
         _off(own.back.arrival_s * 1e3, host.back_s * 1e3),

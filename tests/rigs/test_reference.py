@@ -470,7 +470,7 @@ ARITHMETIC: Mapping[str, Callable[[], dict[str, float]]] = {
     ),
     "twenty_newton_on_each_finger": lambda: {
         "thumb_n": by_square("thumb"),
-        "thumb_threshold_n": default_law("thumb").force_n(1500.0),
+        "thumb_threshold_n": default_law("thumb").force_n(1500.0, extrapolate=True),
         "index_n": by_square("index"),
     },
     "force_for_area": lambda: {"pressure_pa": v("pull_force") / v("overlap")},

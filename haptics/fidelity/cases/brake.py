@@ -22,7 +22,14 @@ OFF_S = 0.15
 
 @dataclass(frozen=True)
 class BrakeCase:
-    """(volts, seconds) one after another at one frequency, while the hand pulls at a constant speed from the start."""
+    """One run of a brake: drives one after another at one frequency, while the hand pulls at a constant speed from the start.
+
+    :param kind: typical or edge.
+    :param drives: (volts, seconds) of each.
+    :param frequency_hz: of the wave (Hz).
+    :param pull_m_s: speed of the hand (m/s).
+    :param finger: what pulls.
+    """
 
     kind: str
     drives: tuple[tuple[float, float], ...]
@@ -33,9 +40,13 @@ class BrakeCase:
 
 @dataclass(frozen=True)
 class BrakeRun:
-    """(samples,) of what the brake can hold and what the finger feels; supply energy; where the first drive and all drives end.
+    """What came of a case, every ``SAMPLE_S``.
 
-    Supply energy is that of the same drives with the hand at rest: an overlap that slides away is another load.
+    :param capacity_n: (samples,), what the brake can hold (N).
+    :param tension_n: (samples,), what the finger feels (N).
+    :param energy_j: of the supply (J), of the same drives with the hand at rest: an overlap that slides away is another load.
+    :param first: sample at which the first drive ends.
+    :param on: sample at which all drives end.
     """
 
     capacity_n: np.ndarray
@@ -46,7 +57,12 @@ class BrakeRun:
 
 
 def play(case: BrakeCase, level: str) -> BrakeRun:
-    """The case at a level."""
+    """Run a case.
+
+    :param case: what to run.
+    :param level: one of ``brake_plant``'s.
+    :return: what came of it.
+    """
     plant, still = (brake_plant(level, BrakeSystem(finger=case.finger)) for _ in range(2))
     plant.move(0, 0.0, 0.0, case.pull_m_s)
     capacity_n, tension_n = [], []
@@ -66,14 +82,23 @@ def play(case: BrakeCase, level: str) -> BrakeRun:
 
 
 def brake_cases(kind: str, count: int, seed: int = 1) -> list[BrakeCase]:
-    """``count`` cases of a kind; the same for the same seed."""
+    """Draw cases; the same for the same seed.
+
+    :param kind: typical or edge.
+    :param count: how many.
+    :param seed: of the draw.
+    :return: the cases.
+    """
     rng = np.random.default_rng([seed, kind == "edge"])
     return [_edge(rng) if kind == "edge" else _typical(rng) for _ in range(count)]
 
 
 def errors(run: BrakeRun, true: BrakeRun) -> dict[str, float]:
-    """Error of each observable; times are those of capacity, ripple (peak to peak, of the plateau) and
-    plateau are those of the first drive's second half.
+    """Error of each observable. Times are those of capacity; plateau and ripple those of the first drive's second half.
+
+    :param run: of the level judged.
+    :param true: of the reference.
+    :return: by observable, in ``measure.UNITS``.
     """
     peak_n = float(true.capacity_n[: true.first].max())
     found = {"force over time": float(np.sqrt(np.mean((run.tension_n - true.tension_n) ** 2)))}

@@ -1,10 +1,10 @@
 """The cases over which levels of the latch are measured against the reference, and what is compared.
 
-*typical*: what boards of this kind do. One pulse of 2.5 to 10 ms at 4.5 to 5 V, either way, coil up to 50 K warm, any
+*typical*: what boards of this kind do. One pulse of 2.5 to 10 ms at 4.5 to 5 V, in either direction, coil up to 50 K warm, any
 resistance in the stated band. *edge*: what else they may be asked: weak and strong drive, cold and hot coils, pulses down to a
 microsecond, within a few per cent of the threshold, reversed in flight, trains up to 200 Hz, drives that begin while the pin
 still bounces, a skin under the pin. A pulse within ``latch.UNCERTAIN_WITHIN`` of the threshold is no case: there every level
-says that it does not know.
+answers that it does not know.
 """
 
 from __future__ import annotations
@@ -28,12 +28,19 @@ _FINE_S = 5e-6
 _HARDEST = 10
 """Cases taken for each level and observable."""
 STEADY_K = THERMAL.c_k_per_w * 0.36
-"""Rise of an actuator that switches twice a second (thesis 3.5.2): what an error of energy is counted on, in kelvin."""
+"""Rise of a tactor that switches twice a second (thesis 3.5.2): what an error of energy is counted on, in kelvin."""
 
 
 @dataclass(frozen=True)
 class LatchCase:
-    """Strokes one after another, from rest."""
+    """Strokes one after another, from rest.
+
+    :param kind: typical or edge.
+    :param strokes: signed volts and seconds of each.
+    :param latched: where the pin rests at first.
+    :param rise_k: the coil's rise above the room (K).
+    :param parameters: of the tactor.
+    """
 
     kind: str
     strokes: tuple[Stroke, ...]
@@ -44,9 +51,14 @@ class LatchCase:
 
 @dataclass(frozen=True)
 class LatchRun:
-    """What came of a case: the stop it ended at, first arrival there since the last stroke began, speed, energy.
+    """What came of a case.
 
     A single stroke after which the pin falls back to where it was has no arrival: nobody feels it.
+
+    :param final: the stop it ended at.
+    :param arrival_s: first arrival there since the last stroke began (s), None if there is none.
+    :param speed_m_s: speed then, unsigned (m/s).
+    :param energy_j: electrical (J).
     """
 
     final: Latched
@@ -56,9 +68,12 @@ class LatchRun:
 
 
 def play(case: LatchCase, level: str, step_s: float | None = None) -> LatchRun | None:
-    """The case at a level; None if the level refuses it or says that it lies outside what it answers for.
+    """Run a case.
 
-    :param step_s: level ``dynamic`` in other steps than its own.
+    :param case: what to run.
+    :param level: one of ``latch_plant``'s.
+    :param step_s: level ``dynamic`` in other steps (s) than its own.
+    :return: what came of it; None if the level refuses the case or reports that it lies outside what it answers for.
     """
     try:
         if step_s is None:
@@ -85,7 +100,13 @@ def play(case: LatchCase, level: str, step_s: float | None = None) -> LatchRun |
 
 
 def latch_cases(kind: str, count: int, seed: int = 1) -> list[LatchCase]:
-    """``count`` cases of a kind, away from the threshold; the same for the same seed."""
+    """Draw cases away from the threshold; the same for the same seed.
+
+    :param kind: typical or edge.
+    :param count: how many.
+    :param seed: of the draw.
+    :return: the cases.
+    """
     rng = np.random.default_rng([seed, kind == "edge"])
     found: list[LatchCase] = []
     for case in _typical(rng) if kind == "typical" else _edge(rng):
@@ -101,6 +122,11 @@ def hardest_cases(kind: str, among: int, seed: int = 1) -> list[LatchCase]:
 
     The tail of the errors is long: the nearer to the threshold, the more any difference grows. A sample that is small enough
     for the reference would miss it, and its worst would be no bound.
+
+    :param kind: typical or edge.
+    :param among: cases that are looked through.
+    :param seed: of the draw.
+    :return: at most ten cases for each level and observable, none twice.
     """
     ranked: dict[tuple[str, str], list[tuple[float, LatchCase]]] = {}
     for case in latch_cases(kind, among, seed):
@@ -115,7 +141,12 @@ def hardest_cases(kind: str, among: int, seed: int = 1) -> list[LatchCase]:
 
 
 def errors(run: LatchRun, true: LatchRun) -> dict[str, float]:
-    """Error of each observable that both runs have."""
+    """Error of each observable that both runs have.
+
+    :param run: of the level judged.
+    :param true: of the reference.
+    :return: by observable, in ``measure.UNITS``.
+    """
     energy = abs(run.energy_j / true.energy_j - 1.0) if true.energy_j else 0.0
     found = {
         "wrong final state": float(run.final != true.final),
@@ -166,7 +197,7 @@ def _edge(rng: np.random.Generator) -> Iterator[LatchCase]:
             elif kind == "threshold":
                 direction = "off-on" if latched == "off" else "on-off"
                 at_nominal_v = volts * LATCH.resistance_ohm / parameters.resistance_ohm
-                min_s = min_pulse_s(at_nominal_v, direction, rise_k)
+                min_s = min_pulse_s(at_nominal_v, direction, rise_k, extrapolate=True)
                 if not min_s < 40e-3:
                     continue
                 strokes = [(sign * volts, min_s * (1.0 + float(rng.choice([-1.0, 1.0]) * rng.uniform(0.025, 0.08))))]

@@ -1,8 +1,8 @@
 """Levels of heat compared.
 
-*typical*: trains of 10 ms switches at up to 2 Hz, then cooling. The published curve cannot tell one node from two, so here the
-one node, advanced exactly from event to event, is compared with a general solver on the same equation. *edge*: a coil that
-stays on. There two nodes are the reference, and the error is what one temperature hides.
+*typical*: trains of 10 ms switches at up to 2 Hz, then cooling. The published curve does not distinguish one node from two, so
+here the one node, advanced exactly from event to event, is compared with a general solver on the same equation. *edge*: a coil
+that stays on. There two nodes are the reference, and the error is what one temperature hides.
 """
 
 from __future__ import annotations
@@ -17,20 +17,35 @@ from haptics.physics.thermal.plant import thermal_plant
 
 @dataclass(frozen=True)
 class ThermalCase:
-    """Stretches of constant power, (seconds, watts), from the room's temperature."""
+    """Stretches of constant power from the room's temperature.
+
+    :param kind: typical or edge.
+    :param stretches: (seconds, watts) of each.
+    """
 
     kind: str
     stretches: tuple[tuple[float, float], ...]
 
 
 def thermal_cases(kind: str, count: int, seed: int = 1) -> list[ThermalCase]:
-    """``count`` cases of a kind; the same for the same seed."""
+    """Draw cases; the same for the same seed.
+
+    :param kind: typical or edge.
+    :param count: how many.
+    :param seed: of the draw.
+    :return: the cases.
+    """
     rng = np.random.default_rng([seed, kind == "edge"])
     return [ThermalCase(kind, _stuck(rng) if kind == "edge" else _train(rng)) for _ in range(count)]
 
 
 def errors(case: ThermalCase, level: str) -> dict[str, float]:
-    """Greatest error at the stretches' ends."""
+    """Largest error at the stretches' ends.
+
+    :param case: what to run.
+    :param level: exact or two_node.
+    :return: by observable (K).
+    """
     if case.kind == "typical":
         return {"temperature": _against_a_solver(case, level)}
     tried, true = thermal_plant(level), thermal_plant("two_node")

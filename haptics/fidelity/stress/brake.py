@@ -22,7 +22,12 @@ TOO_MUCH_N = 1e-6
 
 
 def stress_brake(quick: bool, seed: int) -> list[StressRow]:
-    """All extremes of all levels."""
+    """All extremes of all levels.
+
+    :param quick: True: fewer cases and shorter runs.
+    :param seed: of drawn cases.
+    :return: a row for each extreme.
+    """
     rows: list[StressRow] = []
     count = 4 if quick else 24
     for level in LEVELS:
@@ -105,7 +110,7 @@ def _stiff_hand(level: str) -> StressRow:
 
 
 def _any_step(level: str) -> StressRow:
-    tally = Tally("brake", level, "steps of 1 us to 100 ms", "%", 100.0, "smaller and greater steps refused")
+    tally = Tally("brake", level, "steps of 1 us to 100 ms", "%", 100.0, "shorter and longer steps refused")
     for step_s in (1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1):
         tally.ask(lambda step_s=step_s: _off_by(level, 1000.0, BrakeSystem(), step_s=step_s, hz=2.0))
     for step_s in (1e-7, 1.0, math.nan):
@@ -184,11 +189,11 @@ def _energy(friction: str, count: int, seed: int) -> StressRow:
 
 
 def _grows(finger: FingerParameters, step_s: float, friction: str) -> float:
-    """Greatest growth of energy over 200 steps, less what the hand's first jump put in."""
+    """Largest growth of energy over 200 steps, less what the hand's first jump put in."""
     bank = BrakeBank(1, "dynamic", BrakeSystem(finger=finger), step_s=step_s, friction=friction)
     bank.move(5e-3)
     bank.step(1)
-    greatest = 0.0
+    largest = 0.0
     before = math.inf
     for _ in range(200):
         y0 = float(bank.finger_m[0])
@@ -198,9 +203,9 @@ def _grows(finger: FingerParameters, step_s: float, friction: str) -> float:
         energy = 0.5 * finger.finger_mass_kg * speed**2 + 0.5 * finger.load_stiffness_n_m * (5e-3 - y) ** 2
         energy += 0.5 * tension_n**2 / finger.strip_stiffness_n_m
         if before < math.inf:
-            greatest = max(greatest, energy - before - 1e-9 * before)
+            largest = max(largest, energy - before - 1e-9 * before)
         before = energy
-    return greatest if math.isfinite(before) else math.inf
+    return largest if math.isfinite(before) else math.inf
 
 
 def _many(level: str) -> StressRow:

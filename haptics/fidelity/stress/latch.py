@@ -20,7 +20,12 @@ ARRIVAL_MS = {"event": 2.0, "table": 0.03, "dynamic": 0.01, "reference": 0.0}
 
 
 def stress_latch(quick: bool, seed: int) -> list[StressRow]:
-    """All extremes of all levels."""
+    """All extremes of all levels.
+
+    :param quick: True: fewer cases.
+    :param seed: of drawn cases.
+    :return: a row for each extreme.
+    """
     rows: list[StressRow] = []
     count = 12 if quick else 120
     for level in LEVELS:
@@ -58,8 +63,8 @@ def _shorter_than_the_coil(level: str, count: int, seed: int) -> StressRow:
 
 
 def _near_the_threshold(level: str, count: int, seed: int) -> StressRow:
-    """Within 2 % of the least pulse the answer must say that it is uncertain."""
-    tally = Tally("latch", level, "pulse within 2 % of the least that switches", "share", 0.0, "says that it is uncertain")
+    """Within 2 % of the shortest pulse the answer must report that it is uncertain."""
+    tally = Tally("latch", level, "pulse within 2 % of the shortest that switches", "share", 0.0, "reports that it is uncertain")
     rng = np.random.default_rng([seed, 1])
     for _ in range(max(3, count // 6)):
         direction = "off-on" if rng.integers(2) else "on-off"
@@ -107,7 +112,7 @@ def _sagging_supply(level: str) -> StressRow:
 
         tally.ask(question)
     first = next(n for n in range(1, 16) if stuck("dynamic", n)[0])
-    tally.limit = f"coil {first} of those that fire together sticks, and its state says so"
+    tally.limit = f"coil {first} of those that fire together sticks, and its state shows it"
     return tally.row()
 
 
@@ -216,7 +221,7 @@ def _end(case: LatchCase, step_s: float, scale: float) -> str | None:
 def _edge_cases(level: str, count: int, seed: int) -> StressRow:
     """Weak, strong, short, reversed in flight, trains, driven away while bouncing; see ``latch_cases``."""
     tally = Tally("latch", level, "reversals in flight, trains, weak and strong drive", "ms", ARRIVAL_MS[level])
-    tally.limit = "what it does not answer for it says" if level == "event" else ""
+    tally.limit = "it reports what it does not answer for" if level == "event" else ""
     for case in latch_cases("edge", count, seed + 1000):
 
         def question(case: LatchCase = case) -> float | None:

@@ -1,6 +1,6 @@
 """Every model at its extremes: what was tried, the worst that came of it, and where a level stops being valid.
 
-The rule that is tried: outside its validity a level refuses (``InputError``) or says so; it never gives a plausible wrong
+The rule that is tried: outside its validity a level refuses (``InputError``) or reports it; it never gives a plausible wrong
 number, NaN or infinity. A row states one extreme of one level; it ``holds`` if its worst error is within the bound written
 beside it and nothing that should have been refused was answered.
 """
@@ -23,6 +23,11 @@ def stress(
 ) -> list[StressRow]:
     """Try everything; about a minute, or ten seconds when ``quick``.
 
+    :param quick: True: fewer cases.
+    :param seed: of drawn cases.
+    :param progress: called with a model's name when it begins.
+    :param models: latch, thermal or brake; all by default.
+    :return: a row for each extreme of each level.
     :raises InputError: an unknown model.
     """
     known = {"latch": stress_latch, "thermal": stress_thermal, "brake": stress_brake}

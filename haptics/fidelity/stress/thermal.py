@@ -16,7 +16,12 @@ YEAR_S = 365.25 * 86400.0
 
 
 def stress_thermal(quick: bool, seed: int) -> list[StressRow]:
-    """All extremes of both levels."""
+    """All extremes of both levels.
+
+    :param quick: True: fewer and shorter runs.
+    :param seed: of drawn cases.
+    :return: a row for each extreme.
+    """
     rows: list[StressRow] = []
     for level in LEVELS:
         rows += [_any_step(level), _cut_at_random(level, 1_000 if quick else 20_000, seed), _nonsense(level)]

@@ -36,9 +36,16 @@ class BrakeBank:
     All share the ``system``'s first output but for ``force_gain`` and ``overlap_m2`` (a number, or one each). The output stage is
     that of ``OutputStage`` with one output, clamped reversal, no leak.
 
-    :param step_s: 1 us to 100 ms. :param friction: of ``dynamic``: coulomb or lugre. :param compiled: False runs plain Python.
-    :raises InputError: a count outside 1 to 10 million, an unknown level or friction, direct reversal, a reservoir, or a
-        number out of range.
+    :param count: clutches, 1 to 10 million.
+    :param level: lagged or dynamic.
+    :param system: whose first output all are made from; one published brake by default.
+    :param step_s: length of a step (s), 1 us to 100 ms.
+    :param force_gain: a clutch's force over its law's, 0 to 10; a number or (count,).
+    :param overlap_m2: overlap at first (m2), 0 to 1; a number or (count,); the system's by default.
+    :param friction: of level ``dynamic``: coulomb or lugre.
+    :param compiled: False: plain Python, far slower.
+    :raises InputError: a count outside 1 to 10 million, an unknown level or friction, direct reversal, a reservoir, or a number
+        out of range.
     """
 
     def __init__(
@@ -68,9 +75,7 @@ class BrakeBank:
         full_m2 = system.overlap_m2(0)
         areas_m2 = self._each("overlap_m2", full_m2 if overlap_m2 is None else overlap_m2, 0.0, 1.0)
         if full_m2 <= 0.0:
-            raise InputError(
-                "overlaps_m2 = 0 m2 is not allowed; allowed: more than 0 m2 for the clutch all others are scaled from"
-            )
+            raise InputError("overlaps_m2 = 0 m2; the clutch that all others are scaled from needs more than 0 m2")
         # Laws are linear in overlap but for the off force, which stays; a clutch without overlap holds nothing.
         self._gain = self._each("force_gain", force_gain, 0.0, 10.0) * (areas_m2 > 0.0)
         self._share = areas_m2 / full_m2
@@ -92,8 +97,10 @@ class BrakeBank:
         self._carry = loop.kernel("carry_bank", compiled)
 
     def drive(self, volts: ArrayLike, frequency_hz: ArrayLike) -> None:
-        """From now on: a square wave on every clutch (numbers, or one each); 0 V shorts it. See ``OutputStage.drive``.
+        """From now on: a square wave on every clutch. See ``OutputStage.drive``.
 
+        :param volts: amplitude (V), a number or (count,); 0 shorts a clutch.
+        :param frequency_hz: of the wave (Hz), a number or (count,); 0: constant volts.
         :raises InputError: volts above the supply's or past breakdown, a frequency above the bridge's, anything not finite.
         """
         drive, s, now_s = self.system.drive, self._state, self.now_s
@@ -119,13 +126,22 @@ class BrakeBank:
             self._table, self._tabled_v = self._force.array(highest_v), highest_v
 
     def move(self, position_m: ArrayLike, speed_m_s: ArrayLike = 0.0) -> None:
-        """From now on every hand (numbers, or one each) is at ``position + speed * (t - now)``; within 10 m and 100 m/s."""
+        """From now on every hand is at ``position + speed * (t - now)``.
+
+        :param position_m: within 10 m, a number or (count,).
+        :param speed_m_s: within 100 m/s, a number or (count,).
+        :raises InputError: a number outside its range.
+        """
         position_m = self._each("position_m", position_m, -10.0, 10.0)
         speed_m_s = self._each("speed_m_s", speed_m_s, -100.0, 100.0)
         self._hands = np.stack([position_m - speed_m_s * self.now_s, speed_m_s], axis=1)
 
     def step(self, steps: int = 1) -> None:
-        """Carry every clutch through this many steps."""
+        """Carry every clutch through whole steps.
+
+        :param steps: how many, 0 or more.
+        :raises InputError: a negative number of steps.
+        """
         steps = int(in_range("steps", steps, 0, 1e12))
         self._carry(
             self._state,
@@ -152,31 +168,32 @@ class BrakeBank:
 
     @property
     def now_s(self) -> float:
+        """Time advanced to (s), 0 at first."""
         return self._steps * self.step_s
 
     @property
     def voltages_v(self) -> Floats:
-        """(count,), signed."""
+        """(count,), volts, signed."""
         return self._state[:, loop.B_VOLTS].copy()
 
     @property
     def capacity_n(self) -> Floats:
-        """(count,), what each clutch can hold now."""
+        """(count,), what each clutch can hold now (N)."""
         return self._state[:, loop.B_FORCE].copy()
 
     @property
     def tension_n(self) -> Floats:
-        """(count,), what is held."""
+        """(count,), what is held (N)."""
         return self._state[:, loop.B_T].copy()
 
     @property
     def slip_m(self) -> Floats:
-        """(count,), how far the strips were pulled apart."""
+        """(count,), how far the strips were pulled apart (m)."""
         return self._state[:, loop.B_S].copy()
 
     @property
     def finger_m(self) -> Floats:
-        """(count,), where the pulled ends are."""
+        """(count,), where the pulled ends are (m)."""
         return self._state[:, loop.B_Y].copy()
 
     def _each(self, name: str, values: ArrayLike, low: float, high: float) -> Floats:

@@ -1,4 +1,4 @@
-"""What all levels of the brake model share: the output stage, hands, overlaps, and what is told about them."""
+"""What all levels of the brake model share: the output stage, hands, overlaps, and what is reported of them."""
 
 from __future__ import annotations
 
@@ -6,16 +6,21 @@ import math
 
 from haptics.errors import InputError
 from haptics.physics.brake.output_stage import OutputStage
-from haptics.physics.brake.plant import BrakeEvent
+from haptics.physics.brake.plant import BrakeEvent, BrakePlant
 from haptics.physics.brake.system import BrakeSystem, ForceTable
 from haptics.units import in_range
 
 LATEST_S = 1e9
-"""Times are counted up to here, about thirty years: a double then still tells 0.1 us."""
+"""Times are counted up to here, about thirty years: a double then still resolves 0.1 us."""
 
 
-class BrakeBase:
-    """Brakes at rest, shorted, their hands at 0; see ``BrakePlant`` for every member. A level adds how time passes."""
+class BrakeBase(BrakePlant):
+    """Brakes at rest, shorted, their hands at 0; see ``BrakePlant`` for every member. A level adds how time passes.
+
+    :param system: the brakes, their supply, and what pulls on them.
+    :param start_s: time at the start (s), within 1e9.
+    :raises InputError: a start outside its range.
+    """
 
     level = ""
 
@@ -191,13 +196,13 @@ class BrakeBase:
             self.stage.set_output(time_s, output, capacitance_f=self._system.capacitance_f(output, slid_m))
 
     def _await_half(self, volts: float) -> None:
-        """From now on, tell when a driven output's capacity passes half of what ``volts`` will give."""
+        """From now on, report when a driven output's capacity passes half of what ``volts`` will give."""
         capacity_n = self.capacity_n
         for k in range(self._system.outputs):
             half_n = 0.5 * self.steady_force_n(k, volts) if self.stage.mask >> k & 1 else math.inf
-            # What holds half already has nothing to tell.
+            # What holds half already has nothing to report.
             self._half_n[k] = math.inf if capacity_n[k] >= half_n else half_n
 
-    def _tell_half(self, output: int, time_s: float) -> None:
+    def _report_half(self, output: int, time_s: float) -> None:
         self._events.append(BrakeEvent(time_s, output, "half_capacity", self._half_n[output]))
         self._half_n[output] = math.inf

@@ -20,7 +20,15 @@ BROKEN_DOWN_OHM = 10e3
 
 @dataclass(slots=True)
 class Output:
-    """One clutch's electrical side; values may be swapped while it runs (``BridgeCircuit.set_output``)."""
+    """One clutch's electrical side; values may be swapped while it runs (``BridgeCircuit.set_output``).
+
+    :param capacitance_f: of the clutch (F), 0: not connected.
+    :param leak_ohm: across it (ohm), infinite: none.
+    :param breakdown_v: volts that its dielectric stands, infinite: any.
+    :param volts: on it now, signed.
+    :param peak_v: magnitude at the end of the last half period (V).
+    :param energy_j: its share of what the supply gave (J).
+    """
 
     capacitance_f: float
     leak_ohm: float = math.inf
@@ -33,7 +41,10 @@ class Output:
 class BridgeCircuit:
     """What ``OutputStage`` carries through time. Times are seconds in any one clock and must not go back.
 
-    :param capacitances_f: of each output, 0 where none is connected; at most 8. :param reversal: clamped or direct.
+    :param capacitances_f: of each output (F), 0 where none is connected; 1 to 8 outputs.
+    :param drive: supply and bridge.
+    :param start_s: time at the start (s).
+    :param reversal: clamped or direct.
     :raises InputError: other outputs than these, or a supply with a reservoir (``drive.reservoir_f``).
     """
 
@@ -45,7 +56,7 @@ class BridgeCircuit:
         reversal: str = "clamped",
     ):
         if not 1 <= len(capacitances_f) <= 8:
-            raise InputError(f"{len(capacitances_f)} outputs are not allowed; allowed: 1 to 8")
+            raise InputError(f"{len(capacitances_f)} capacitances given; 1 to 8 allowed, one per output")
         self._outputs = [Output(in_range("capacitance_f", c, 0.0, 1e-3, "F")) for c in capacitances_f]
         self._drive = drive
         self._stiff = one_of("reversal", reversal, ("clamped", "direct")) == "direct"
@@ -56,12 +67,14 @@ class BridgeCircuit:
         self._live = False  # the bridge carries anything at all
         self._set_v = 0.0
         self._idle_v = 0.0  # of the supply while the bridge shorts what it drives
-        self._polarity = 1
+        self._polarity: int = 1
         self._bridge_v = 0.0  # on the connected outputs and the stray capacitance, signed
         self._charging_from_s = math.inf
-        self._legs_shorted = True  # while it does not charge: the bridge's legs are together; else it hangs on a dead supply
+        self._legs_shorted: bool = (
+            True  # while it does not charge: the bridge's legs are together; else it hangs on a dead supply
+        )
         self._breakdown_s = math.inf
-        self._weakest_v = math.inf  # least breakdown_v of all outputs
+        self._weakest_v = math.inf  # minimum breakdown_v of all outputs
         self._load = self._present_load()
         self.broken_down = 0
         """Mask of the outputs whose dielectric broke down."""
@@ -71,18 +84,21 @@ class BridgeCircuit:
         """Energy the supply has given: the integral of v i at its output."""
 
     def advance(self, to_s: float) -> None:
-        """Carry every voltage to ``to_s``.
+        """Carry every voltage to a time.
 
+        :param to_s: time (s), not before ``now_s``.
         :raises InputError: time going back.
         """
         raise NotImplementedError
 
     @property
     def now_s(self) -> float:
+        """Time advanced to (s)."""
         return self._now_s
 
     @property
     def mask(self) -> int:
+        """Outputs on the bridge, one bit each."""
         return self._mask
 
     @property
@@ -112,7 +128,7 @@ class BridgeCircuit:
 
     @property
     def bus_v(self) -> float:
-        """Voltage at the supply's output: the setpoint, less while the load holds it down, more while the load holds it up."""
+        """Volts at the supply's output: the setpoint, less while the load holds it down, more while the load holds it up."""
         u_v = self._bridge_v * self._polarity
         if not self.charging:
             held_up_v = 0.0 if self._legs_shorted else u_v / (1.0 + self._drive.output_resistance_ohm / self._drive.bleeder_ohm)
@@ -126,7 +142,7 @@ class BridgeCircuit:
 
     @property
     def supply_current_a(self) -> float:
-        """What the supply gives now, bleeder included."""
+        """What the supply gives now (A), bleeder included."""
         if not self._live:
             return 0.0
         if not self.charging:
@@ -144,33 +160,53 @@ class BridgeCircuit:
 
     @property
     def stored_charge_c(self) -> float:
-        """Sum of the magnitudes of charge on all outputs."""
+        """Sum of the magnitudes of charge on all outputs (C)."""
         return sum(abs(o.capacitance_f * o.volts) for o in self._outputs) + self._drive.stray_f * abs(self._bridge_v)
 
     @property
     def voltages_v(self) -> list[float]:
-        """Signed voltage on each output now."""
+        """Signed volts on each output now."""
         return [o.volts for o in self._outputs]
 
     def voltage_v(self, output: int) -> float:
-        """Signed voltage on one output now."""
+        """Signed voltage on one output now.
+
+        :param output: from 0.
+        :return: volts.
+        """
         return self._outputs[output].volts
 
     def amplitude_v(self, output: int) -> float:
-        """Amplitude reached: magnitude at the end of the last half period, or now if that is more; now, if shorted."""
+        """Amplitude reached: magnitude at the end of the last half period, or now if that is more; now, if shorted.
+
+        :param output: from 0.
+        :return: volts, unsigned.
+        """
         o = self._outputs[output]
         return max(o.peak_v, abs(o.volts)) if self._mask >> output & 1 else abs(o.volts)
 
     def output_energy_j(self, output: int) -> float:
-        """This output's share, by capacitance, of the energy the supply gave."""
+        """This output's share, by capacitance, of the energy the supply gave.
+
+        :param output: from 0.
+        :return: energy (J).
+        """
         return self._outputs[output].energy_j
 
     def shorted_below(self, volts: float) -> bool:
-        """No output outside the mask has these volts left, of either sign."""
+        """Whether no output outside the mask has these volts left, of either sign.
+
+        :param volts: magnitude (V).
+        :return: True also if no output is shorted.
+        """
         return not self._shorted or max([abs(o.volts) for o in self._shorted]) < volts
 
     def decay_s(self, output: int) -> float:
-        """Time constant with which an output that is shorted, or clamped with its group, loses its volts."""
+        """Time constant with which an output that is shorted, or clamped with its group, loses its volts.
+
+        :param output: from 0.
+        :return: time constant (s); 0 for an output without capacitance.
+        """
         o, r = self._outputs[output], self._drive.output_resistance_ohm
         if self._mask >> output & 1:
             return self._load.capacitance_f / (1.0 / self._passive_ohm + self._load.leak_s)
@@ -184,10 +220,16 @@ class BridgeCircuit:
         leak_ohm: float | None = None,
         breakdown_v: float | None = None,
     ) -> None:
-        """Change an output while it runs: overlap moved, a leak, a short (small ``leak_ohm``), an open (no capacitance), or the
-        volts its dielectric stands from now on (infinite: any).
+        """Change an output while it runs: overlap moved, a leak, a short, an open, or what its dielectric stands from now on.
 
         Voltage is kept; the charge that a changing capacitance moves is not counted.
+
+        :param time_s: when (s), not before ``now_s``.
+        :param output: which, from 0.
+        :param capacitance_f: of the clutch (F), 0 (open) to 1 mF; None: as it was.
+        :param leak_ohm: across it (ohm), 1 (short) or more, infinite: none; None: as it was.
+        :param breakdown_v: volts that its dielectric stands, 0 or more, infinite: any; None: as it was.
+        :raises InputError: time going back, or a number outside its range.
         """
         self.advance(time_s)
         o = self._outputs[output]

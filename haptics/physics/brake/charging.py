@@ -11,13 +11,13 @@ In the bridge's frame ``u`` (output voltage times present polarity) the charging
 - voltage limited:                              ``C u' = (V - u)/R - u/R_leak``
 - blocked, ``u > V`` (the supply cannot sink):  ``C u' = -u/(R_b + R) - u/R_leak``
 
-Reversal *clamped* (default): the bridge first shorts the output, then charges it the other way, so the supply gives ``C V``
-each half period, ``2 C V f`` in all. *Direct*: the supply drives the whole swing, ``4 C V f``, and must stay at its set
-voltage meanwhile. Supply power is the mean of v i at the supply's output, where a current-limited supply sags to the
-load's voltage: at least ``C V^2 f`` clamped, ``4 C V^2 f`` direct, against the ``C V^2 f / 2`` of Eq 4.4, which counts one
-charge a period. ``C V / I`` is 7.6 ms for the thesis' brake, not the 50 ms of 4.7.1. A reservoir on the bus adds a
-charge share at each reversal: ``steady_half_period`` and ``supply_power_w`` know it (``reservoir``); ``Charging``, with its
-one capacitance, refuses it.
+Reversal *clamped* (default): the bridge first shorts the output, then charges it in the other polarity, so the supply gives
+``C V`` each half period, ``2 C V f`` in all. *Direct*: the supply drives the whole swing, ``4 C V f``, and must stay at its set
+voltage meanwhile. Supply power is the mean of v i at the supply's output, where a current-limited supply sags to the load's
+voltage: at least ``C V^2 f`` clamped, ``4 C V^2 f`` direct, against the ``C V^2 f / 2`` of Eq 4.4, which counts one charge a
+period. ``C V / I`` is 7.6 ms for the thesis' brake, not the 50 ms of 4.7.1. A reservoir on the bus adds a charge share at each
+reversal: ``steady_half_period`` and ``supply_power_w`` know it (``reservoir``); ``Charging``, with its one capacitance, refuses
+it.
 """
 
 from __future__ import annotations
@@ -52,7 +52,12 @@ DRIVE = DriveParameters()
 
 @dataclass(frozen=True)
 class HalfPeriod:
-    """One half period in steady state: amplitude at its end, and what the supply gave."""
+    """One half period in steady state; a second of it at 0 Hz.
+
+    :param amplitude_v: volts at its end.
+    :param charge_c: charge that the supply gave (C), bleeder included.
+    :param energy_j: energy that the supply gave (J), bleeder included.
+    """
 
     amplitude_v: float
     charge_c: float
@@ -60,9 +65,12 @@ class HalfPeriod:
 
 
 class Regime(NamedTuple):
-    """First-order motion of ``u``: ``u' = (target - u) / tau`` until it reaches ``until`` (nan: for ever).
+    """First-order motion of the output voltage ``u``: ``u' = (target - u) / tau``.
 
-    ``supply``: current limited, voltage limited, or blocked.
+    :param target_v: volts that ``u`` heads for.
+    :param tau_s: time constant (s).
+    :param until_v: volts at which the regime ends; nan: it never does.
+    :param supply: what limits: "current", "voltage", "blocked" (the supply cannot sink) or "none".
     """
 
     target_v: float
@@ -72,19 +80,37 @@ class Regime(NamedTuple):
 
 
 def moved(u_v: float, regime: Regime, dt_s: float) -> float:
-    """``u`` after ``dt_s`` in one regime, exact."""
+    """``u`` after ``dt_s`` in one regime, exact.
+
+    :param u_v: voltage now (V), in the bridge's frame.
+    :param regime: the motion it is in.
+    :param dt_s: time passed (s), 0 or more.
+    :return: voltage (V) afterwards; the regime's end is not looked at.
+    """
     return u_v + (regime.target_v - u_v) * -math.expm1(-dt_s / regime.tau_s)
 
 
 def volt_seconds(u_v: float, regime: Regime, dt_s: float) -> float:
-    """Integral of ``u`` over ``dt_s`` in one regime, exact; a series where the exponential is all but a line."""
+    """Integral of ``u`` over ``dt_s`` in one regime, exact; a series where the exponential is all but a line.
+
+    :param u_v: voltage now (V), in the bridge's frame.
+    :param regime: the motion it is in.
+    :param dt_s: time passed (s), 0 or more.
+    :return: integral (V s).
+    """
     z = dt_s / regime.tau_s
     bend = 0.5 - z / 6.0 + z * z / 24.0 if z < 1e-4 else (z + math.expm1(-z)) / (z * z)
     return u_v * dt_s + (regime.target_v - u_v) * dt_s * z * bend
 
 
 def time_to_reach_s(u_v: float, level_v: float, regime: Regime) -> float:
-    """Time until ``u`` is at ``level_v`` in one regime; infinite if it never gets there."""
+    """Time until ``u`` is at a level in one regime.
+
+    :param u_v: voltage now (V).
+    :param level_v: voltage waited for (V).
+    :param regime: the motion it is in.
+    :return: time (s); infinite if it never gets there.
+    """
     ahead = regime.target_v - u_v
     if level_v == u_v:
         return 0.0
@@ -95,7 +121,12 @@ def time_to_reach_s(u_v: float, level_v: float, regime: Regime) -> float:
 
 
 class Charged(NamedTuple):
-    """Where charging led: ``u`` at the end, charge and energy taken from the supply, bleeder included."""
+    """Where charging led.
+
+    :param u_v: voltage at the end (V), in the bridge's frame.
+    :param charge_c: taken from the supply (C), bleeder included.
+    :param energy_j: taken from the supply (J), bleeder included.
+    """
 
     u_v: float
     charge_c: float
@@ -105,7 +136,10 @@ class Charged(NamedTuple):
 class Charging:
     """A load under one setpoint: which regime holds at which ``u``, and where charging leads.
 
-    :param capacitance_f: of everything on the output, stray included, > 0. :param leak_s: leak conductance (siemens), >= 0.
+    :param set_v: setpoint of the supply (V), 0 or more.
+    :param capacitance_f: of everything on the output (F), stray included, more than 0.
+    :param leak_s: leak conductance (siemens), 0 or more.
+    :param drive: supply and bridge.
     :param stiff: the supply stays at ``set_v`` while it limits current (direct reversal) instead of sagging to the load.
     :raises InputError: a supply with a reservoir, which makes two capacitances of one.
     """
@@ -113,8 +147,8 @@ class Charging:
     def __init__(self, set_v: float, capacitance_f: float, leak_s: float, drive: DriveParameters = DRIVE, stiff: bool = False):
         if drive.reservoir_f:
             raise InputError(
-                f"reservoir_f = {drive.reservoir_f:g} F is not allowed here; allowed: 0 F, for only steady_half_period and "
-                "supply_power_w know a reservoir"
+                f"reservoir_f = {drive.reservoir_f:g} F; only steady_half_period and supply_power_w take a reservoir, "
+                "elsewhere it must be 0 F"
             )
         self.set_v, self.capacitance_f, self.leak_s = set_v, capacitance_f, leak_s
         self._drive, self._stiff = drive, stiff
@@ -128,13 +162,22 @@ class Charging:
         self._voltage = Regime(hold_v, capacitance_f / through_supply, math.nan if hold_v >= knee_v else knee_v, "voltage")
 
     def regime(self, u_v: float) -> Regime:
-        """The regime at ``u_v``."""
+        """Which regime holds at a voltage.
+
+        :param u_v: output voltage in the bridge's frame (V).
+        :return: the regime, as long as its ``until_v`` is ahead.
+        """
         if u_v > self.set_v:
             return self._blocked
         return self._current if u_v < self._limited_below_v else self._voltage
 
     def charge(self, u_v: float, dt_s: float) -> Charged:
-        """Charge for ``dt_s`` from ``u_v``, regime by regime."""
+        """Charge for a time, regime by regime; exact.
+
+        :param u_v: output voltage at the start, in the bridge's frame (V).
+        :param dt_s: time (s), 0 or more.
+        :return: voltage at the end, charge and energy taken from the supply.
+        """
         set_v, drive = self.set_v, self._drive
         r, r_b, limit_a = drive.output_resistance_ohm, drive.bleeder_ohm, drive.supply_current_a
         charge_c = energy_j = 0.0
@@ -170,11 +213,17 @@ def steady_half_period(
     reversal: str = "clamped",
     leak_s: float = 0.0,
 ) -> HalfPeriod:
-    """The half period that repeats itself under a bipolar square wave; 0 Hz means constant voltage (charge per second).
+    """The half period that repeats itself under a bipolar square wave; at 0 Hz a second of constant voltage.
 
-    :param set_v: setpoint, >= 0. :param capacitance_f: of all clutches on the supply together; stray is added here.
     A reservoir on the bus (``drive.reservoir_f``) counts exactly, charge share and all.
-    :raises InputError: a number outside its range, or an unknown reversal.
+
+    :param set_v: setpoint (V), 0 to 100 kV.
+    :param frequency_hz: of the wave (Hz), 0 to 1 MHz.
+    :param capacitance_f: of all clutches on the supply together (F), 0 to 1 mF; stray is added here.
+    :param drive: supply and bridge.
+    :param reversal: clamped or direct, see above.
+    :param leak_s: leak conductance (siemens).
+    :return: amplitude at the end of a half period, charge and energy given in it.
     """
     one_of("reversal", reversal, ("clamped", "direct"))
     in_range("set_v", set_v, 0.0, 1e5, "V")
@@ -197,7 +246,7 @@ def steady_half_period(
     amplitude_v = set_v
     done = Charged(0.0, 0.0, 0.0)
     # The map from one half period's amplitude to the next contracts (or, direct and current limited, alternates about its fixed
-    # point): averaging makes it converge either way.
+    # point): averaging makes it converge in both cases.
     for _ in range(500):
         done = charging.charge(-amplitude_v * kept, half_s - clamped_s)
         if abs(done.u_v - amplitude_v) <= 1e-12 * max(1.0, set_v):
@@ -221,34 +270,66 @@ def _bus(set_v: float, total_f: float, drive: DriveParameters, leak_s: float, st
 
 
 def bleeder_alone_v(set_v: float, drive: DriveParameters = DRIVE) -> float:
-    """The supply's volts with nothing but its bleeder: the setpoint, or what its current makes of a bleeder too strong for it."""
+    """The supply's volts with nothing but its bleeder: the setpoint, or what its current makes of a bleeder too strong for it.
+
+    :param set_v: setpoint (V), 0 or more.
+    :param drive: supply and bridge.
+    :return: volts at the supply's output.
+    """
     return min(set_v, drive.supply_current_a * drive.bleeder_ohm)
 
 
 def clamp_time_s(frequency_hz: float, drive: DriveParameters = DRIVE) -> float:
-    """How long the bridge shorts the output before each reversal: ``clamp_s``, at most a tenth of a half period."""
+    """How long the bridge shorts the output before each reversal: ``clamp_s``, at most a tenth of a half period.
+
+    :param frequency_hz: of the wave (Hz), 0 or more.
+    :param drive: supply and bridge.
+    :return: time (s).
+    """
     return drive.clamp_s if frequency_hz == 0.0 else min(drive.clamp_s, 0.05 / frequency_hz)
 
 
 def supply_power_w(
     set_v: float, frequency_hz: float, capacitance_f: float, drive: DriveParameters = DRIVE, reversal: str = "clamped"
 ) -> float:
-    """Mean of v i at the supply's output in steady state, bleeder and stray included. See ``steady_half_period``."""
+    """Mean of v i at the supply's output in steady state, bleeder and stray included.
+
+    :param set_v: as ``steady_half_period``.
+    :param frequency_hz: as ``steady_half_period``.
+    :param capacitance_f: as ``steady_half_period``.
+    :param drive: supply and bridge.
+    :param reversal: as ``steady_half_period``.
+    :return: power (W).
+    :raises InputError: as ``steady_half_period``.
+    """
     half = steady_half_period(set_v, frequency_hz, capacitance_f, drive, reversal)
     return half.energy_j * (2.0 * frequency_hz if frequency_hz else 1.0)
 
 
 def eq44_power_w(volts: float, frequency_hz: float, capacitance_f: float) -> float:
-    """``C V^2 f / 2`` (Eq 4.4): 57.3 mW at 1500 V and 20 Hz. It counts one charge a period, where a bipolar bridge makes two."""
+    """``C V^2 f / 2`` (Eq 4.4): 57.3 mW at 1500 V and 20 Hz. It counts one charge a period, where a bipolar bridge makes two.
+
+    :param volts: amplitude (V).
+    :param frequency_hz: of the wave (Hz).
+    :param capacitance_f: of one clutch (F).
+    :return: power (W).
+    """
     return 0.5 * capacitance_f * volts**2 * frequency_hz
 
 
 def max_frequency_hz(set_v: float, capacitance_f: float, drive: DriveParameters = DRIVE, reversal: str = "clamped") -> float:
     """Fastest full swing the supply's current allows: ``I / (2 C V)`` clamped, ``I / (4 C V)`` direct; at most the bridge's.
 
-    :param capacitance_f: of all clutches on the supply together; stray is added here.
+    :param set_v: setpoint (V), 0 to 100 kV.
+    :param capacitance_f: of all clutches on the supply together (F), 0 to 1 mF; stray is added here.
+    :param drive: supply and bridge.
+    :param reversal: clamped or direct.
+    :return: frequency (Hz).
+    :raises InputError: a number outside its range, or an unknown reversal.
     """
+    one_of("reversal", reversal, ("clamped", "direct"))
     in_range("set_v", set_v, 0.0, 1e5, "V")
+    in_range("capacitance_f", capacitance_f, 0.0, 1e-3, "F")
     charge_c = (2.0 if reversal == "clamped" else 4.0) * (capacitance_f + drive.stray_f) * set_v
     return min(drive.bridge_hz, drive.supply_current_a / charge_c) if charge_c else drive.bridge_hz
 
@@ -256,13 +337,19 @@ def max_frequency_hz(set_v: float, capacitance_f: float, drive: DriveParameters 
 def rise_time_s(
     set_v: float, capacitance_f: float, drive: DriveParameters = DRIVE, share: float = 0.9, leak_s: float = 0.0
 ) -> float:
-    """Time from 0 V to ``share`` of the setpoint (t90 by default); infinite if the supply never gets there.
+    """Time from 0 V to a share of the setpoint: t90 by default.
 
-    :param capacitance_f: of all clutches on the supply together; stray is added here.
+    :param set_v: setpoint (V), 0 to 100 kV.
+    :param capacitance_f: of all clutches on the supply together (F), 0 to 1 mF; stray is added here.
+    :param drive: supply and bridge.
+    :param share: of the setpoint, 0 to 1.
+    :param leak_s: leak conductance (siemens).
+    :return: time (s); infinite if the supply never gets there.
+    :raises InputError: a number outside its range, or a supply with a reservoir.
     """
     in_range("share", share, 0.0, 1.0)
     in_range("set_v", set_v, 0.0, 1e5, "V")
-    total_f = capacitance_f + drive.stray_f
+    total_f = in_range("capacitance_f", capacitance_f, 0.0, 1e-3, "F") + drive.stray_f
     level_v, u_v, time_s = share * set_v, 0.0, 0.0
     charging = Charging(set_v, total_f, leak_s, drive)
     while u_v < level_v and total_f > 0.0:
@@ -276,7 +363,15 @@ def rise_time_s(
 
 
 def discharge_time_s(from_v: float, to_v: float, capacitance_f: float, drive: DriveParameters = DRIVE) -> float:
-    """Time for the shorted bridge to bring an output from one voltage down to another: ``R C ln(from/to)``."""
+    """Time for the shorted bridge to bring an output from one voltage down to another: ``R C ln(from/to)``.
+
+    :param from_v: voltage at the start (V), 0 to 1 MV.
+    :param to_v: voltage waited for (V), 1 nV to 1 MV.
+    :param capacitance_f: of the clutch (F); stray is added here.
+    :param drive: supply and bridge.
+    :return: time (s); 0 if the output is below ``to_v`` already.
+    :raises InputError: a voltage outside its range.
+    """
     in_range("to_v", to_v, 1e-9, 1e6, "V")
     in_range("from_v", from_v, 0.0, 1e6, "V")
     tau_s = drive.output_resistance_ohm * (capacitance_f + drive.stray_f)

@@ -29,6 +29,11 @@ CONTACT = ContactParameters()
 def lagged(force_n: float, target_n: float, dt_s: float, parameters: ContactParameters = CONTACT) -> float:
     """Force after ``dt_s`` toward a constant target, exact at any step.
 
+    :param force_n: force now (N).
+    :param target_n: steady force at the present volts (N).
+    :param dt_s: step (s), 0 or more.
+    :param parameters: the two time constants; ``tau_on_s`` counts while the target is above.
+    :return: force after the step (N).
     :raises InputError: a negative step.
     """
     in_range("dt_s", dt_s, 0.0, math.inf, "s")
@@ -37,7 +42,14 @@ def lagged(force_n: float, target_n: float, dt_s: float, parameters: ContactPara
 
 
 def time_to_reach_s(force_n: float, level_n: float, target_n: float, parameters: ContactParameters = CONTACT) -> float:
-    """Time until the lagged force passes ``level_n`` under a constant target; infinite if it never does, 0 if it is there."""
+    """Time until the lagged force passes a level under a constant target.
+
+    :param force_n: force now (N).
+    :param level_n: force waited for (N).
+    :param target_n: steady force at the present volts (N).
+    :param parameters: the two time constants.
+    :return: time (s); 0 if the force is at the level, infinite if it never passes it.
+    """
     if level_n == force_n:
         return 0.0
     tau_s = parameters.tau_on_s if target_n > force_n else parameters.tau_off_s
@@ -47,10 +59,13 @@ def time_to_reach_s(force_n: float, level_n: float, target_n: float, parameters:
 
 
 class ContactLag:
-    """A lagged force carried through time.
+    """A lagged force carried through time, on a fixed grid: how time is cut into calls does not change the result.
 
-    :param target_n: force that the law gives, as a function of time (s); taken as constant over each step of ``step_s``, at the
-        step's middle. Steps lie on one fixed grid, so how time is cut into calls does not change the result.
+    :param parameters: the two time constants.
+    :param force_n: force at the start (N).
+    :param start_s: time at the start (s), in any one clock.
+    :param step_s: of the grid (s), 0.1 us to 1 s; the target counts as constant over a step.
+    :raises InputError: a step outside its range.
     """
 
     def __init__(
@@ -67,9 +82,11 @@ class ContactLag:
         self.force_n = force_n
 
     def advance(self, to_s: float, target_n: Callable[[float], float]) -> float:
-        """Force at the last whole step at or before ``to_s``.
+        """Carry the force forward.
 
-        ``target_n`` is asked at the middle of each step, times growing.
+        :param to_s: time (s), in the clock of ``start_s``; one that lies before changes nothing.
+        :param target_n: force that the law gives (N) as a function of time (s), asked at the middle of each step, times growing.
+        :return: force (N) at the last whole step at or before ``to_s``.
         """
         last = math.floor((to_s - self._start_s) / self._step_s * (1 + 1e-12))
         while self._steps < last:

@@ -1,6 +1,6 @@
 """Level ``dynamic``: as ``lagged``, with the finger's mass, stepped in time by one of two implicit friction laws.
 
-``coulomb`` is set-valued, ``lugre`` gives way gradually; ``kernel`` has their equations and says why neither makes energy.
+``coulomb`` is set-valued, ``lugre`` gives way gradually; ``kernel`` has their equations and the proof that neither makes energy.
 Both are stable at any step from 1 us to 100 ms and any stiffness, and of first order; the capacity behind them is of second.
 A stretch without switching is carried in one compiled call, so that a step costs well under a microsecond.
 """
@@ -25,7 +25,12 @@ FRICTIONS = ("coulomb", "lugre")
 class DynamicBrakes(LaggedBrakes):
     """Brakes at level ``dynamic``; see ``BrakePlant``.
 
-    :param step_s: 1 us to 100 ms. :param friction: coulomb or lugre. :param compiled: False runs the same lines in Python.
+    :param system: the brakes, their supply, and what pulls on them.
+    :param start_s: time at the start (s), within 1e9.
+    :param step_s: of the grid (s), 1 us to 100 ms.
+    :param friction: coulomb or lugre.
+    :param compiled: False: the same lines in plain Python.
+    :raises InputError: a number outside its range, or an unknown friction.
     """
 
     level = "dynamic"
@@ -58,7 +63,7 @@ class DynamicBrakes(LaggedBrakes):
 
     @property
     def speed_m_s(self) -> list[float]:
-        """Of each finger."""
+        """Of each finger (m/s)."""
         return self._state[:, loop.V].tolist()
 
     def advance(self, to_s: float) -> None:
@@ -98,8 +103,8 @@ class DynamicBrakes(LaggedBrakes):
     def _steps_before_switching(self) -> int:
         """Whole steps up to the next switching, the next look at capacitance at most."""
         grid_s, next_s = self._grid_s(), self.stage.next_event_s
-        most = self._every - self._halves // 2 % self._every if self._pulling else 1 << 20
-        return most if next_s is None else min(most, int((next_s - grid_s) / self._step_s))
+        up_to = self._every - self._halves // 2 % self._every if self._pulling else 1 << 20
+        return up_to if next_s is None else min(up_to, int((next_s - grid_s) / self._step_s))
 
     def _carry_steps(self, steps: int, given: bool) -> None:
         """Carry everything through whole steps, by the stage's volts from now on or by those sampled already."""
@@ -139,12 +144,12 @@ class DynamicBrakes(LaggedBrakes):
         self._take(from_s)
 
     def _take(self, from_s: float) -> None:
-        """Tell what the compiled loop has found."""
+        """Report what the compiled loop has found."""
         state = self._state
         for k in range(self._system.outputs):
             half_at_s = float(state[k, loop.HALF_AT])
             if not math.isnan(half_at_s):
-                self._tell_half(k, from_s + half_at_s)
+                self._report_half(k, from_s + half_at_s)
         self._capacity_n = state[:, loop.FORCE].tolist()
         self._finger_m = state[:, loop.Y].tolist()
         self._slip_m = state[:, loop.S].tolist()

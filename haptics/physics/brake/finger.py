@@ -36,13 +36,21 @@ FINGER = FingerParameters()
 
 
 def series_stiffness_n_m(finger: FingerParameters = FINGER) -> float:
-    """Hand and strips in series, ``k_l k_s / (k_l + k_s)``: what a slow pull works against."""
+    """Hand and strips in series, ``k_l k_s / (k_l + k_s)``: what a slow pull works against.
+
+    :param finger: hand and strips.
+    :return: stiffness (N/m).
+    """
     k_l, k_s = finger.load_stiffness_n_m, finger.strip_stiffness_n_m
     return k_l * k_s / (k_l + k_s)
 
 
 def finger_parameters(finger: FingerParameters = FINGER) -> tuple[float, ...]:
-    """The parameters in the order that the inner loops unpack them."""
+    """The parameters in the order that the inner loops unpack them.
+
+    :param finger: hand and strips.
+    :return: mass (kg), damping (N s/m), the hand's stiffness (N/m) and damping (N s/m), slack (m), the strips' stiffness (N/m).
+    """
     return (
         float(finger.finger_mass_kg),
         float(finger.damping_n_s_m),

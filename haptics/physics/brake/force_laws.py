@@ -1,24 +1,26 @@
 """How much a brake holds at an amplitude: three laws side by side, with their uncertainty.
 
-- ``IdealLaw``: friction under Eq 4.2's pressure. Valid as an upper bound only: 44 N at 1500 V where 20 N was measured.
-- ``ThresholdLaw``, the default: a preload keeps the strips apart until the pull exceeds it. Valid from the threshold to
-  1500 V, where it is fitted; at the 13 um of the published brake, other geometry by scaling.
-- ``ClosingGapLaw``: friction as stated (0.2), the loss put down to air that pressure squeezes out. The same range; the one
-  to compare with when thickness changes, for there the two laws part.
+- ``IdealLaw``: friction under Eq 4.2's pressure. An upper bound only: 44 N at 1500 V where 20 N was measured.
+- ``ThresholdLaw``, the default: a preload keeps the strips apart until the pull exceeds it.
+- ``ClosingGapLaw``: friction as stated (0.2), the loss put down to air that pressure squeezes out. Compare with it when
+  thickness changes, for there the two laws part.
 
 All take amplitude in volts, overlap (m2), thickness (m), relative permittivity, and ``strips`` stacked pairs. The force is the
 holding capacity while the amplitude lasts; the published points behind the constants are plateaus of a pull at 10 Hz, so
 what the dips at polarity reversal cost is inside the constants. None of the laws knows breakdown: ``predict_brake`` does.
+
+Each is fitted from 0 V (the off force is known) to its ``fitted_to_v`` on one film, 13 um of permittivity 3.4 (thesis 4.4.2).
+Overlap and strips only multiply the force; other volts and films are extrapolation, refused unless ``extrapolate=True``.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Protocol
 
 from haptics.errors import InputError
-from haptics.physics.brake.parameters import BRAKE, compression_n
+from haptics.physics.brake.fitted_law import ForceLaw
+from haptics.physics.brake.parameters import BRAKE, MAX_VOLTS, compression_n
 from haptics.units import VACUUM_PERMITTIVITY_F_PER_M, in_range, one_of
 
 OFF_FORCE_N = 5e-3
@@ -27,85 +29,43 @@ OFF_FORCE_N = 5e-3
 Covariance = tuple[tuple[float, ...], ...]
 
 
-class ForceLaw(Protocol):
-    """What every law answers."""
-
-    @property
-    def name(self) -> str: ...
-
-    def force_n(
-        self, volts: float, overlap_m2: float = ..., thickness_m: float = ..., permittivity: float = ..., strips: int = ...
-    ) -> float: ...
-
-    def force_sd_n(
-        self, volts: float, overlap_m2: float = ..., thickness_m: float = ..., permittivity: float = ..., strips: int = ...
-    ) -> float: ...
-
-    def volts_for(
-        self, force_n: float, overlap_m2: float = ..., thickness_m: float = ..., permittivity: float = ..., strips: int = ...
-    ) -> float: ...
-
-
 @dataclass(frozen=True)
-class IdealLaw:
+class IdealLaw(ForceLaw):
     """``F = mu n e_r e_0 A V^2 / 2 d^2`` (Eq 4.2, 4.3).
 
-    :param friction: 0.2 as stated, or the effective one of a fit. :param friction_sd: its standard deviation.
+    :param friction: coefficient, 0.2 as stated, or the effective one of a fit.
+    :param friction_sd: its standard deviation.
+    :param name: of the law.
+    :param fitted_to_v: maximum amplitude (V) that it was held against points at.
     """
 
     friction: float = BRAKE.friction
     friction_sd: float = 0.0
     name: str = "ideal"
+    fitted_to_v: float = MAX_VOLTS
 
-    def force_n(
-        self,
-        volts: float,
-        overlap_m2: float = BRAKE.overlap_m2,
-        thickness_m: float = BRAKE.thickness_m,
-        permittivity: float = BRAKE.permittivity,
-        strips: int = 1,
-    ) -> float:
-        """Holding force (N) at an amplitude (V).
-
-        :raises InputError: nonsense in any argument.
-        """
+    def _force_n(self, volts: float, overlap_m2: float, thickness_m: float, permittivity: float, strips: int) -> float:
         return self.friction * compression_n(volts, overlap_m2, thickness_m, permittivity, strips)
 
-    def force_sd_n(
-        self,
-        volts: float,
-        overlap_m2: float = BRAKE.overlap_m2,
-        thickness_m: float = BRAKE.thickness_m,
-        permittivity: float = BRAKE.permittivity,
-        strips: int = 1,
-    ) -> float:
-        """Standard deviation (N) from that of the friction coefficient."""
+    def _force_sd_n(self, volts: float, overlap_m2: float, thickness_m: float, permittivity: float, strips: int) -> float:
         return self.friction_sd * compression_n(volts, overlap_m2, thickness_m, permittivity, strips)
 
-    def volts_for(
-        self,
-        force_n: float,
-        overlap_m2: float = BRAKE.overlap_m2,
-        thickness_m: float = BRAKE.thickness_m,
-        permittivity: float = BRAKE.permittivity,
-        strips: int = 1,
-    ) -> float:
-        """Amplitude (V) that holds ``force_n``; 0 for 0 N.
-
-        :raises InputError: a negative force, or no overlap.
-        """
-        in_range("force_n", force_n, 0.0, 1e6, "N")
-        return math.sqrt(force_n / _per_volt2("IdealLaw", self.force_n(1.0, overlap_m2, thickness_m, permittivity, strips)))
+    def _volts_for(self, force_n: float, overlap_m2: float, thickness_m: float, permittivity: float, strips: int) -> float:
+        return math.sqrt(force_n / _per_volt2("IdealLaw", self._force_n(1.0, overlap_m2, thickness_m, permittivity, strips)))
 
 
 @dataclass(frozen=True)
-class ThresholdLaw:
+class ThresholdLaw(ForceLaw):
     """``F = n k (A/A0) (e_r/e_r0) (d0/d)^2 max(0, V^2 - V0'^2) + F_off`` with ``V0' = V0 (d/d0) sqrt(e_r0/e_r)``.
 
     The threshold is a preload pressure: it is met by the same electrostatic pressure whatever the dielectric.
 
-    :param k_n_v2: N/V^2 at 11 cm2, 13 um, 3.4. :param threshold_v: V0 (V), same geometry.
-    :param covariance: of ``(k_n_v2, threshold_v)``.
+    :param k_n_v2: N/V^2 at 11 cm2, 13 um, 3.4.
+    :param threshold_v: V0 (V), same geometry.
+    :param covariance: of ``(k_n_v2, threshold_v)``; zero: taken as exact.
+    :param off_force_n: force at 0 V (N).
+    :param name: of the law.
+    :param fitted_to_v: maximum amplitude (V) of the points behind it.
     """
 
     k_n_v2: float
@@ -113,31 +73,13 @@ class ThresholdLaw:
     covariance: Covariance = ((0.0, 0.0), (0.0, 0.0))
     off_force_n: float = OFF_FORCE_N
     name: str = "threshold"
+    fitted_to_v: float = MAX_VOLTS
 
-    def force_n(
-        self,
-        volts: float,
-        overlap_m2: float = BRAKE.overlap_m2,
-        thickness_m: float = BRAKE.thickness_m,
-        permittivity: float = BRAKE.permittivity,
-        strips: int = 1,
-    ) -> float:
-        """Holding force (N) at an amplitude (V).
-
-        :raises InputError: nonsense in any argument.
-        """
+    def _force_n(self, volts: float, overlap_m2: float, thickness_m: float, permittivity: float, strips: int) -> float:
         over_v2 = self._over_v2(volts, thickness_m, permittivity)
         return self.k_n_v2 * self._scale(overlap_m2, thickness_m, permittivity, strips) * max(0.0, over_v2) + self.off_force_n
 
-    def force_sd_n(
-        self,
-        volts: float,
-        overlap_m2: float = BRAKE.overlap_m2,
-        thickness_m: float = BRAKE.thickness_m,
-        permittivity: float = BRAKE.permittivity,
-        strips: int = 1,
-    ) -> float:
-        """Standard deviation (N) from the fit's covariance, to first order; 0 below the threshold."""
+    def _force_sd_n(self, volts: float, overlap_m2: float, thickness_m: float, permittivity: float, strips: int) -> float:
         over_v2 = self._over_v2(volts, thickness_m, permittivity)
         if over_v2 <= 0.0:
             return 0.0
@@ -145,19 +87,7 @@ class ThresholdLaw:
         stretch2 = (volts**2 - over_v2) / self.threshold_v**2 if self.threshold_v else 0.0
         return _propagate((scale * over_v2, -2.0 * scale * self.k_n_v2 * self.threshold_v * stretch2), self.covariance)
 
-    def volts_for(
-        self,
-        force_n: float,
-        overlap_m2: float = BRAKE.overlap_m2,
-        thickness_m: float = BRAKE.thickness_m,
-        permittivity: float = BRAKE.permittivity,
-        strips: int = 1,
-    ) -> float:
-        """Amplitude (V) that holds ``force_n``; 0 for what the brake holds when off.
-
-        :raises InputError: a negative force, or no overlap.
-        """
-        in_range("force_n", force_n, 0.0, 1e6, "N")
+    def _volts_for(self, force_n: float, overlap_m2: float, thickness_m: float, permittivity: float, strips: int) -> float:
         if force_n <= self.off_force_n:
             return 0.0
         scale = _per_volt2("ThresholdLaw", self.k_n_v2 * self._scale(overlap_m2, thickness_m, permittivity, strips))
@@ -173,12 +103,18 @@ class ThresholdLaw:
 
 
 @dataclass(frozen=True)
-class ClosingGapLaw:
+class ClosingGapLaw(ForceLaw):
     """``F = mu n e_0 A V^2 / (2 e_r (d/e_r + g)^2) + F_off`` with an air gap that pressure closes, ``g = g_r (1 + (p0/p)^2)``.
 
     ``p = e_0 (V e_r / d)^2 / 2`` is the pressure there would be without air; ``g_r`` what roughness leaves for good.
 
-    :param gap_m: g_r (m). :param pressure_pa: p0 (Pa). :param covariance: of ``(gap_m, pressure_pa)``.
+    :param gap_m: g_r (m).
+    :param pressure_pa: p0 (Pa).
+    :param covariance: of ``(gap_m, pressure_pa)``; zero: taken as exact.
+    :param friction: coefficient, 0.2 as stated.
+    :param off_force_n: force at 0 V (N).
+    :param name: of the law.
+    :param fitted_to_v: maximum amplitude (V) of the points behind it.
     """
 
     gap_m: float
@@ -187,31 +123,13 @@ class ClosingGapLaw:
     friction: float = BRAKE.friction
     off_force_n: float = OFF_FORCE_N
     name: str = "closing_gap"
+    fitted_to_v: float = MAX_VOLTS
 
-    def force_n(
-        self,
-        volts: float,
-        overlap_m2: float = BRAKE.overlap_m2,
-        thickness_m: float = BRAKE.thickness_m,
-        permittivity: float = BRAKE.permittivity,
-        strips: int = 1,
-    ) -> float:
-        """Holding force (N) at an amplitude (V).
-
-        :raises InputError: nonsense in any argument.
-        """
+    def _force_n(self, volts: float, overlap_m2: float, thickness_m: float, permittivity: float, strips: int) -> float:
         ideal_n = self.friction * compression_n(volts, overlap_m2, thickness_m, permittivity, strips)
         return ideal_n * self._closed_share(volts, thickness_m, permittivity) ** 2 + self.off_force_n
 
-    def force_sd_n(
-        self,
-        volts: float,
-        overlap_m2: float = BRAKE.overlap_m2,
-        thickness_m: float = BRAKE.thickness_m,
-        permittivity: float = BRAKE.permittivity,
-        strips: int = 1,
-    ) -> float:
-        """Standard deviation (N) from the fit's covariance, to first order."""
+    def _force_sd_n(self, volts: float, overlap_m2: float, thickness_m: float, permittivity: float, strips: int) -> float:
         ideal_n = self.friction * compression_n(volts, overlap_m2, thickness_m, permittivity, strips)
         share = self._closed_share(volts, thickness_m, permittivity)
         if share == 0.0:
@@ -220,30 +138,19 @@ class ClosingGapLaw:
         slope = -2.0 * ideal_n * share**3 * permittivity / thickness_m  # dF/dg
         return _propagate((slope * (1.0 + ratio2), slope * self.gap_m * 2.0 * ratio2 / self.pressure_pa), self.covariance)
 
-    def volts_for(
-        self,
-        force_n: float,
-        overlap_m2: float = BRAKE.overlap_m2,
-        thickness_m: float = BRAKE.thickness_m,
-        permittivity: float = BRAKE.permittivity,
-        strips: int = 1,
-    ) -> float:
-        """Amplitude (V) that holds ``force_n``, by bisection (the law is monotonic); 0 for what it holds when off.
-
-        :raises InputError: a negative force, no overlap, or a force that takes more than a million volts.
-        """
-        in_range("force_n", force_n, 0.0, 1e6, "N")
+    def _volts_for(self, force_n: float, overlap_m2: float, thickness_m: float, permittivity: float, strips: int) -> float:
+        """By bisection: the law is monotonic."""
         if force_n <= self.off_force_n:
             return 0.0
         _per_volt2("ClosingGapLaw", compression_n(1.0, overlap_m2, thickness_m, permittivity, strips))
         low, high = 0.0, 1.0
-        while self.force_n(high, overlap_m2, thickness_m, permittivity, strips) < force_n:
+        while self._force_n(high, overlap_m2, thickness_m, permittivity, strips) < force_n:
             low, high = high, 2.0 * high
             if high > 1e6:
                 raise InputError(f"force_n = {force_n:g} N takes more than a million volts with this geometry")
         for _ in range(100):
             middle = 0.5 * (low + high)
-            if self.force_n(middle, overlap_m2, thickness_m, permittivity, strips) < force_n:
+            if self._force_n(middle, overlap_m2, thickness_m, permittivity, strips) < force_n:
                 low = middle
             else:
                 high = middle
@@ -275,18 +182,27 @@ def _propagate(gradient: tuple[float, ...], covariance: Covariance) -> float:
     return math.sqrt(max(0.0, variance))
 
 
+_THUMB_TO_V = 800.0
+"""The thumb's published points end here (thesis Table 4.2)."""
 INDEX_THRESHOLD = ThresholdLaw(9.630792e-6, 172.2985, ((3.448912e-13, 1.913865e-6), (1.913865e-6, 96.59728)))
-THUMB_THRESHOLD = ThresholdLaw(6.619931e-6, 124.6853, ((2.990047e-13, 7.076532e-6), (7.076532e-6, 551.5510)))
+THUMB_THRESHOLD = ThresholdLaw(
+    6.619931e-6, 124.6853, ((2.990047e-13, 7.076532e-6), (7.076532e-6, 551.5510)), fitted_to_v=_THUMB_TO_V
+)
 INDEX_CLOSING_GAP = ClosingGapLaw(1.747485e-6, 21111.07, ((2.958355e-14, -3.473391e-4), (-3.473391e-4, 1.512056e7)))
-THUMB_CLOSING_GAP = ClosingGapLaw(2.877880e-6, 9646.578, ((6.439668e-14, -3.412947e-4), (-3.412947e-4, 7.581055e6)))
+THUMB_CLOSING_GAP = ClosingGapLaw(
+    2.877880e-6, 9646.578, ((6.439668e-14, -3.412947e-4), (-3.412947e-4, 7.581055e6)), fitted_to_v=_THUMB_TO_V
+)
 """What ``fit`` makes of the published points; a test fits again and compares."""
 FINGERS = ("index", "thumb")
 LAWS = ("ideal", "threshold", "closing_gap")
 
 
 def force_law(finger: str = "index", law: str = "threshold") -> ForceLaw:
-    """The law the package uses for a finger. The ideal law is the same for both: friction as stated, no fit.
+    """The law the package uses for a finger. The ideal law has no fit: friction as stated, the same for both fingers.
 
+    :param finger: index (points up to 1500 V) or thumb (up to 800 V).
+    :param law: ideal, threshold or closing_gap.
+    :return: the law, fitted to the finger's published points (thesis Table 4.2, 4.7.3).
     :raises InputError: an unknown finger or law.
     """
     one_of("finger", finger, FINGERS)
@@ -298,8 +214,10 @@ def force_law(finger: str = "index", law: str = "threshold") -> ForceLaw:
 
 
 def default_law(finger: str = "index") -> ForceLaw:
-    """The threshold law of a finger.
+    """The threshold law of a finger, see ``law_choice`` for why.
 
+    :param finger: index or thumb.
+    :return: the law, as ``force_law(finger, "threshold")``.
     :raises InputError: an unknown finger.
     """
     return force_law(finger, "threshold")

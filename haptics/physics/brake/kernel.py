@@ -11,9 +11,9 @@ the step's end, ``D = m/h + c + c_l + h k_l`` and ``R = m v/h + k_l (q1 - y) + c
 - ``pulled``: elasto-plastic play behind a slow hand, no mass.
 
 Energy ``E = m v^2/2 + k_l (q - y)^2/2 + T^2/(2 k_s)`` never grows by itself: multiply ``D v1 = R - T1`` by ``h v1``, and with
-``a (a - b) >= (a^2 - b^2)/2`` for each storage, ``T1 (y1 - y0) >= (T1^2 - T0^2)/(2 k_s)`` because strips slide one way only while
-taut, ``E1 - E0 <= (k_l (q1 - y1) + c_l (q' - v1)) (q1 - q0) - h c v1^2``: the hand's work less what damping takes (for ``c_l``,
-as long as ``q' = (q1 - q0)/h``). True for any step, stiffness and course of the capacity.
+``a (a - b) >= (a^2 - b^2)/2`` for each storage, ``T1 (y1 - y0) >= (T1^2 - T0^2)/(2 k_s)`` because strips slide in one direction
+only while taut, ``E1 - E0 <= (k_l (q1 - y1) + c_l (q' - v1)) (q1 - q0) - h c v1^2``: the hand's work less what damping takes (for
+``c_l``, as long as ``q' = (q1 - q0)/h``). True for any step, stiffness and course of the capacity.
 
 Plain functions, so that numba can compile them whole; ``kernel(name, compiled=False)`` gives the same lines in Python.
 """
@@ -28,7 +28,7 @@ from typing import Any
 import numpy as np
 
 (FORCE, VOLTS, Y, V, S, T, HALF, HALF_AT) = range(8)
-"""Columns of a plant's state: capacity, signed volts, finger's position and speed, slip, tension; the capacity that is to be told
+"""Columns of a plant's state: capacity, signed volts, finger's position and speed, slip, tension; the capacity to be reported
 (infinite: none) and when it was passed, from the first step's beginning (nan: not)."""
 WIDTH = 8
 DECAYING, CHARGING, GIVEN = 0, 1, 2
@@ -38,8 +38,14 @@ DECAYING, CHARGING, GIVEN = 0, 1, 2
 def regimes(set_v: float, total_f: float, leak: float, r: float, r_b: float, limit: float) -> tuple[float, ...]:
     """Where the supply limits what, and where the load heads meanwhile; the equations are those of ``charging.Charging``.
 
-    Set volts; volts below which current is limited; tau, target and border of the current limit; the same of the voltage
-    limit, whose tau is that of a clamped output as well.
+    :param set_v: setpoint (V).
+    :param total_f: capacitance on the bridge, stray included (F).
+    :param leak: conductance (siemens).
+    :param r: output resistance (ohm).
+    :param r_b: bleeder (ohm).
+    :param limit: current limit (A).
+    :return: setpoint (V); volts below which current is limited; time constant (s), target and border (V) of the current limit;
+        the same of the voltage limit, whose time constant is that of a clamped output as well.
     """
     knee = set_v - r * (limit - set_v / r_b)
     through_bleeder, through_supply = 1.0 / (r_b + r) + leak, 1.0 / r + leak
@@ -50,7 +56,13 @@ def regimes(set_v: float, total_f: float, leak: float, r: float, r_b: float, lim
 
 
 def charged(u: float, dt: float, load: tuple[float, ...]) -> float:
-    """Bridge volts after ``dt`` of charging, regime by regime; ``load``: see ``regimes``."""
+    """Bridge volts after charging for a time, regime by regime.
+
+    :param u: volts at the start, in the bridge's frame.
+    :param dt: time (s).
+    :param load: see ``regimes``.
+    :return: volts at the end.
+    """
     set_v, below, tau_b, ramp, ramp_to, tau_s, hold, hold_to = load
     for changes in range(8):
         if u > set_v:
@@ -78,7 +90,14 @@ def charged(u: float, dt: float, load: tuple[float, ...]) -> float:
 def pulled(s: float, q: float, force: float, stiffness: float, slack: float) -> tuple[float, float]:
     """Slip and tension once a slow hand is at ``q``: ``T = k (q - s - slack)``, strips sliding no more than they must.
 
-    Exact if hand and capacity each moved one way since the last call.
+    Exact if hand and capacity each moved in one direction since the last call.
+
+    :param s: slip before (m).
+    :param q: the hand's position (m).
+    :param force: capacity (N).
+    :param stiffness: of hand and strips in series (N/m).
+    :param slack: play before strips are taut (m).
+    :return: slip (m) and tension (N).
     """
     taut = q - slack
     s = max(s, taut - force / stiffness)
@@ -89,7 +108,18 @@ def pulled(s: float, q: float, force: float, stiffness: float, slack: float) -> 
 def coulomb(
     y: float, v: float, s: float, force: float, q1: float, dq: float, h: float, p: tuple[float, ...]
 ) -> tuple[float, float, float, float]:
-    """Position, speed, slip and tension after a step under a capacity of ``force``; ``p``: see ``finger_parameters``."""
+    """One step of a finger against set-valued friction.
+
+    :param y: finger's position (m).
+    :param v: its speed (m/s).
+    :param s: slip (m).
+    :param force: capacity in the step (N).
+    :param q1: the hand's position at the step's end (m).
+    :param dq: the hand's speed (m/s).
+    :param h: step (s).
+    :param p: see ``finger_parameters``.
+    :return: position (m), speed (m/s), slip (m) and tension (N) after the step.
+    """
     mass, damping, k_l, c_l, slack, k_s = p
     d = mass / h + damping + c_l + h * k_l
     r = mass / h * v + k_l * (q1 - y) + c_l * dq
@@ -111,7 +141,18 @@ def coulomb(
 def lugre(
     y: float, v: float, s: float, force: float, q1: float, dq: float, h: float, p: tuple[float, ...]
 ) -> tuple[float, float, float, float]:
-    """As ``coulomb``, with bristles that give way gradually."""
+    """As ``coulomb``, with bristles that give way gradually.
+
+    :param y: finger's position (m).
+    :param v: its speed (m/s).
+    :param s: slip (m).
+    :param force: capacity in the step (N).
+    :param q1: the hand's position at the step's end (m).
+    :param dq: the hand's speed (m/s).
+    :param h: step (s).
+    :param p: see ``finger_parameters``.
+    :return: position (m), speed (m/s), slip (m) and tension (N) after the step.
+    """
     mass, damping, k_l, c_l, slack, k_s = p
     d = mass / h + damping + c_l + h * k_l
     r = mass / h * v + k_l * (q1 - y) + c_l * dq
@@ -153,11 +194,23 @@ def carry(
     finger: tuple[float, ...],
     bristles: bool,
 ) -> None:
-    """Carry all outputs of one supply through ``steps`` steps without any switching; the rows of ``state`` are theirs.
+    """Carry all outputs of one supply through steps without any switching.
 
-    ``first``: from the present volts to the first step's middle. ``load``: set volts, total capacitance, leak, R, bleeder, limit.
-    ``overlap``: for each output, overlap lost a metre and metres slid besides ``S``. ``hands``: position at the first step's
-    beginning, speed, and whether the hand does anything.
+    :param state: (outputs, WIDTH), changed in place; columns as above.
+    :param steps: how many.
+    :param h: step (s).
+    :param first: from the present volts to the first step's middle (s).
+    :param modes: (outputs,), DECAYING, CHARGING or GIVEN.
+    :param taus: (outputs,), time constants of decay (s).
+    :param polarity: of the bridge, +1 or -1.
+    :param load: setpoint (V), total capacitance (F), leak (siemens), R, bleeder (ohm), current limit (A).
+    :param tables: (outputs, points), steady capacity (N).
+    :param per_volt: table points a volt.
+    :param overlap: (outputs, 2), overlap lost a metre, and metres slid besides ``S``.
+    :param hands: (outputs, 3), position at the first step's beginning (m), speed (m/s), and whether the hand does anything.
+    :param taus_contact: of the contact, on and off (s).
+    :param finger: see ``finger_parameters``.
+    :param bristles: True: ``lugre``, else ``coulomb``.
     """
     charging = regimes(load[0], load[1], load[2], load[3], load[4], load[5])
     on, off = -math.expm1(-h / taus_contact[0]), -math.expm1(-h / taus_contact[1])
@@ -201,7 +254,19 @@ def wave(
     u: float, polarity: float, clamped_to: float, reversal: float, now: float, to: float, hz: float, clamp: float,
     load: tuple[float, ...],
 ) -> tuple[float, float, float, float]:  # fmt: skip
-    """One driven clutch's volts, polarity, end of clamp and next reversal, from ``now`` to ``to``; as ``OutputStage``."""
+    """One driven clutch from ``now`` to ``to``; as ``OutputStage``.
+
+    :param u: volts now, signed.
+    :param polarity: of the bridge, +1 or -1.
+    :param clamped_to: end of the clamp (s).
+    :param reversal: next reversal (s).
+    :param now: time (s).
+    :param to: time to reach (s).
+    :param hz: of the wave (Hz).
+    :param clamp: length of a clamp (s).
+    :param load: see ``regimes``.
+    :return: volts, polarity, end of clamp and next reversal at ``to``.
+    """
     while True:
         at = min(to, reversal)
         if clamped_to > now:
@@ -239,11 +304,27 @@ def carry_bank(
     finger: tuple[float, ...],
     model: int,
 ) -> None:
-    """Carry every clutch of a bank, each on a supply of its own, through ``steps`` steps from step number ``first_step`` on.
+    """Carry every clutch of a bank, each on a supply of its own.
 
-    ``hands``: position at time 0 and speed. ``limits``: R, bleeder, current limit, stray capacitance. ``every``: steps between
-    looks at the capacitance. ``overlap``: a clutch's at first over the table's. ``lost``: share of its own lost a metre.
-    ``model``: 0 ``pulled``, 1 ``coulomb``, 2 ``lugre``.
+    :param state: (count, B_WIDTH), changed in place; columns as above.
+    :param first_step: number of the first step, from 0.
+    :param steps: how many.
+    :param h: step (s).
+    :param every: steps between looks at the capacitance.
+    :param set_v: (count,), setpoints (V).
+    :param hz: (count,), frequencies (Hz).
+    :param clamp: (count,), lengths of a clamp (s).
+    :param hands: (count, 2), position at time 0 (m) and speed (m/s).
+    :param limits: R, bleeder (ohm), current limit (A), stray capacitance (F).
+    :param table: (points,), steady capacity (N).
+    :param per_volt: table points a volt.
+    :param gain: (count,), force over the table's.
+    :param overlap: (count,), overlap at first over the table's.
+    :param farad: (count,), capacitance at first (F).
+    :param lost: (count,), share of its own overlap lost a metre.
+    :param taus_contact: of the contact, on and off (s).
+    :param finger: see ``finger_parameters``.
+    :param model: 0 ``pulled``, 1 ``coulomb``, 2 ``lugre``.
     """
     r, r_b, limit, stray = limits
     on, off = -math.expm1(-h / taus_contact[0]), -math.expm1(-h / taus_contact[1])
@@ -289,7 +370,12 @@ def carry_bank(
 
 @cache
 def kernel(name: str, compiled: bool = True) -> Callable[..., Any]:
-    """``carry`` or ``carry_bank``, compiled by numba (imported when first needed; plain where it is not installed) or plain."""
+    """A loop, compiled by numba (imported when first needed; plain where it is not installed) or plain.
+
+    :param name: ``carry`` or ``carry_bank``.
+    :param compiled: False: the plain function.
+    :return: the loop.
+    """
     function: Any = {"carry": carry, "carry_bank": carry_bank}[name]
     if not compiled:
         return function

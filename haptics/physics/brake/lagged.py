@@ -28,14 +28,26 @@ _EVER = 1 << 62
 
 
 def steps_at(time_s: float, start_s: float, step_s: float) -> int:
-    """Whole steps from the start to ``time_s``, one that ends within rounding of it included."""
+    """Whole steps from the start to ``time_s``, one that ends within rounding of it included.
+
+    :param time_s: asked for (s).
+    :param start_s: where the grid begins (s).
+    :param step_s: of the grid (s), more than 0.
+    :return: number of steps.
+    """
     steps = (time_s - start_s) / step_s
     # The allowance for rounding grows with time, but must stay far below a step, however long the run.
     return int(steps + min(1e-12 * steps, 0.01))
 
 
 class LaggedBrakes(BrakeBase):
-    """Brakes at level ``lagged``; see ``BrakePlant``. :param step_s: of the grid, 1 us to 100 ms."""
+    """Brakes at level ``lagged``; see ``BrakePlant``.
+
+    :param system: the brakes, their supply, and what pulls on them.
+    :param start_s: time at the start (s), within 1e9.
+    :param step_s: of the grid (s), 1 us to 100 ms.
+    :raises InputError: a number outside its range.
+    """
 
     level = "lagged"
 
@@ -120,7 +132,7 @@ class LaggedBrakes(BrakeBase):
             if after_n >= self._half_n[k]:
                 share = (self._half_n[k] - before_n) / (target_n - before_n)
                 ago_s = steps * self._step_s + self._tau_on_s * math.log1p(-share)
-                self._tell_half(k, self._grid_s() - ago_s)
+                self._report_half(k, self._grid_s() - ago_s)
         if not self._pulling:
             return
         for k in self._pulling:

@@ -1,8 +1,8 @@
-"""What the published forces say of each law of the brake, where each may be used, and which one is the default and why.
+"""What the published forces show of each law of the brake, where each may be used, and which one is the default and why.
 
 The rule: a law that the points reject on any finger (probability of so great a chi squared below 0.05) is out. Of the others,
-those within 4 of the best in chi squared summed over the fingers (two standard deviations) cannot be told apart by these points;
-of them the simplest is taken. Simpler is: fewer parameters, then linear in them (one optimum) with a closed inverse.
+those within 4 of the best in chi squared summed over the fingers (two standard deviations) cannot be distinguished by these
+points; of them the simplest is taken. Simpler is: fewer parameters, then linear in them (one optimum) with a closed inverse.
 """
 
 from __future__ import annotations
@@ -10,9 +10,11 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 from haptics.physics.brake.fit import FITS, PUBLISHED_POINTS, ForceFit, LeftOut, Points, leave_one_out, point_sd_n
-from haptics.physics.brake.force_laws import FINGERS, Covariance, ForceLaw, default_law, force_law
+from haptics.physics.brake.fitted_law import ForceLaw
+from haptics.physics.brake.force_laws import FINGERS, Covariance, default_law, force_law
 from haptics.physics.brake.parameters import BRAKE
 from haptics.units import one_of
 
@@ -24,12 +26,20 @@ Span = tuple[float, float]
 
 @dataclass(frozen=True)
 class LawValidity:
-    """Where a law of the package may be believed, lowest and greatest of each quantity.
+    """Where a law of the package may be believed: minimum and maximum of each quantity.
 
-    ``use``: "interpolation" (the points bear it out between them), "upper_bound" (it lies above all of them) or "none".
-    ``volts`` and ``force_n`` span the points. Overlap, thickness, permittivity and strips were measured at one value each; away
-    from it a law scales by its own formula, untested. ``frequency_hz``: the drive's 10 or 20 Hz (thesis 4.4.3).
-    ``max_error``: largest departure from a point of the span, as a share of that point.
+    Overlap, thickness, permittivity and strips were measured at one value each; away from it a law scales by its own formula,
+    untested.
+
+    :param use: "interpolation" (the points bear it out between them), "upper_bound" (it lies above all of them) or "none".
+    :param volts: span of the points (V).
+    :param force_n: span of the points (N).
+    :param overlap_m2: measured (m2).
+    :param thickness_m: measured (m).
+    :param permittivity: measured, relative.
+    :param strips: measured, stacked pairs.
+    :param frequency_hz: of the drive, 10 or 20 Hz (thesis 4.4.3).
+    :param max_error: largest departure from a point of the span, as a share of that point.
     """
 
     use: str
@@ -45,7 +55,14 @@ class LawValidity:
 
 @dataclass(frozen=True)
 class PointResidual:
-    """One published point and what the fitted law makes of it; ``residual_sigma`` in standard deviations of the point."""
+    """One published point and what the fitted law makes of it.
+
+    :param volts: of the point.
+    :param measured_n: force published there (N).
+    :param fitted_n: by the law (N).
+    :param residual_n: law less point (N).
+    :param residual_sigma: the same in standard deviations of the point.
+    """
 
     volts: float
     measured_n: float
@@ -58,9 +75,24 @@ class PointResidual:
 class LawEvidence:
     """One law on one finger: fit, residuals, leave-one-out, validity.
 
-    ``p_value``: probability of a chi squared this great if the law holds, None without a degree of freedom. ``left_out_rms_n``
-    and ``left_out_rms_sigma`` are over the left-out points that have such an error. ``shipped_chi2``: of the law as
-    ``force_law`` gives it, which for the ideal law is with the stated friction, not the fitted one.
+    :param law: its name.
+    :param finger: index or thumb.
+    :param names: of the fitted parameters.
+    :param values: in the order of ``names``, SI.
+    :param sds: their standard deviations.
+    :param covariance: of the values.
+    :param points: the published points, with residuals.
+    :param chi2: of the fit.
+    :param degrees_of_freedom: points less parameters.
+    :param reduced_chi2: chi squared for each degree of freedom, None without one.
+    :param p_value: probability of a chi squared this large if the law holds, None without a degree of freedom.
+    :param left_out: each point predicted by the others.
+    :param left_out_rms_n: root mean square of the errors that could be had (N), None if none could.
+    :param left_out_rms_sigma: the same in standard deviations.
+    :param shipped_chi2: of the law as ``force_law`` gives it, which for the ideal law is with the stated friction, not the fitted
+        one.
+    :param validity: where it may be believed.
+    :param default: whether it is the finger's default law.
     """
 
     law: str
@@ -84,7 +116,15 @@ class LawEvidence:
 
 @dataclass(frozen=True)
 class LawStanding:
-    """One law over all fingers. ``behind_chi2``: its chi squared less the best law's."""
+    """One law over all fingers.
+
+    :param law: its name.
+    :param chi2: summed over the fingers.
+    :param degrees_of_freedom: summed over the fingers.
+    :param behind_chi2: its chi squared less the best law's.
+    :param rejected: the points of some finger reject it.
+    :param tied_with_best: these points cannot distinguish it from the best law.
+    """
 
     law: str
     chi2: float
@@ -96,7 +136,12 @@ class LawStanding:
 
 @dataclass(frozen=True)
 class LawComparison:
-    """The standings, the law that the rule takes (None if the points reject all), and why, in one sentence with the numbers."""
+    """The standings and the choice.
+
+    :param standings: of every law, simplest first.
+    :param chosen: law that the rule takes, None if the points reject all.
+    :param why: in one sentence, with the numbers.
+    """
 
     standings: tuple[LawStanding, ...]
     chosen: str | None
@@ -104,8 +149,11 @@ class LawComparison:
 
 
 def law_evidence(law: str, finger: str = "index") -> LawEvidence:
-    """What the published points of a finger say of a law.
+    """What the published points of a finger show of a law.
 
+    :param law: ideal, threshold or closing_gap.
+    :param finger: index or thumb.
+    :return: the evidence.
     :raises InputError: an unknown law or finger.
     """
     one_of("law", law, SIMPLEST_FIRST)
@@ -139,6 +187,7 @@ def compare_laws(points: Mapping[str, Points] = PUBLISHED_POINTS) -> LawComparis
     """Which law the rule at the top takes.
 
     :param points: by finger; every law is fitted to each finger by itself and chi squared is summed.
+    :return: the comparison.
     :raises InputError: too few points on a finger, or nonsense in one.
     """
     fits = {law: [FITS[law](of) for of in points.values()] for law in SIMPLEST_FIRST}
@@ -157,7 +206,7 @@ def compare_laws(points: Mapping[str, Points] = PUBLISHED_POINTS) -> LawComparis
     )
     allowed = [one for one in standings if one.tied_with_best and not one.rejected]
     chosen = allowed[0].law if allowed else None
-    told = ", ".join(
+    listed = ", ".join(
         f"{one.law} {one.chi2:.2f}/{one.degrees_of_freedom}{' (rejected)' if one.rejected else ''}" for one in standings
     )
     if chosen is None:
@@ -168,14 +217,12 @@ def compare_laws(points: Mapping[str, Points] = PUBLISHED_POINTS) -> LawComparis
         reason = f"{names} differ by {apart:.2f}, less than {TIED_WITHIN:g}, and {chosen} is simpler"
     else:
         reason = f"{chosen} alone is neither rejected nor {TIED_WITHIN:g} or more behind the best"
-    return LawComparison(standings, chosen, f"chi squared over degrees of freedom, all fingers: {told}; {reason}")
+    return LawComparison(standings, chosen, f"chi squared over degrees of freedom, all fingers: {listed}; {reason}")
 
 
 def _validity(law: ForceLaw, points: Points, fitted_parameters: int) -> LawValidity:
-    from scipy.stats import chi2
-
     volts, forces = [v for v, _ in points], [f for _, f in points]
-    if chi2.sf(_chi2(law, points), len(points) - fitted_parameters) >= REJECTED_BELOW:
+    if _exceeded(_chi2(law, points), len(points) - fitted_parameters) >= REJECTED_BELOW:
         use = "interpolation"
     else:
         use = "upper_bound" if all(law.force_n(v) >= f for v, f in points) else "none"
@@ -197,9 +244,15 @@ def _chi2(law: ForceLaw, points: Points) -> float:
 
 
 def _p_value(fitted: ForceFit) -> float | None:
-    from scipy.stats import chi2
+    return _exceeded(fitted.chi2, fitted.degrees_of_freedom) if fitted.degrees_of_freedom else None
 
-    return float(chi2.sf(fitted.chi2, fitted.degrees_of_freedom)) if fitted.degrees_of_freedom else None
+
+def _exceeded(chi2: float, degrees_of_freedom: int) -> float:
+    """Probability of a chi squared larger than this."""
+    from scipy import stats  # pyright: ignore[reportMissingTypeStubs]
+
+    distribution: Any = stats.chi2
+    return float(distribution.sf(chi2, degrees_of_freedom))
 
 
 def _rms(values: list[float]) -> float | None:

@@ -36,9 +36,13 @@ def brake_plant(
 ) -> BrakePlant:
     """Brakes at rest and shorted, hands at 0 m, to be driven and pulled through time.
 
+    :param level: one of ``LEVELS``.
     :param system: everything there is to know about the brakes; one published brake if left out.
-    :param step_s: of the stepped levels, 1 us to 100 ms; their own default if left out (1 ms, 0.5 ms, 50 us).
-    :param friction: of ``dynamic``: coulomb or lugre. :param compiled: of ``dynamic``: False runs the loops as plain Python.
+    :param start_s: time at the start (s), in any one clock, within 1e9.
+    :param step_s: of the stepped levels (s), 1 us to 100 ms; their own default if left out (1 ms, 0.5 ms, 50 us).
+    :param friction: of ``dynamic``: coulomb or lugre.
+    :param compiled: of ``dynamic``: False runs the loops as plain Python.
+    :return: a plant of that level.
     :raises InputError: an unknown level or friction, a step outside its range, or one for ``reference``, which has none.
     """
     one_of("level", level, LEVELS)
@@ -54,7 +58,7 @@ def brake_plant(
 
         return DynamicBrakes(system, start_s, friction=friction, compiled=compiled, **stepped)
     if step_s is not None:
-        raise InputError(f"step_s = {step_s!r} s is not allowed; allowed: none at level reference, which steps as it needs to")
+        raise InputError(f"step_s = {step_s!r} s; level reference chooses its own steps: leave step_s out")
     from haptics.physics.brake.reference import ReferenceBrakes
 
     return ReferenceBrakes(system, start_s)

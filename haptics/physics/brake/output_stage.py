@@ -1,4 +1,4 @@
-"""The output stage as a plant: clutches on one supply and one bridge, and the two ways in which the bridge is switched.
+"""The output stage as a plant: clutches on one supply and one bridge, and the two means by which the bridge is switched.
 
 ``drive`` makes a bipolar square wave here, whose first half period has half the length, so that the mean is zero from the
 start. ``pins`` follows a controller edge by edge: the same edges give the same volts. ``bridge`` has the circuit.
@@ -18,7 +18,14 @@ _SAME_WAVE = 0.01
 
 
 class OutputStage(BridgeCircuit):
-    """Supply, bridge and outputs; see ``BridgeCircuit`` for what there is to set and to see."""
+    """Supply, bridge and outputs; see ``BridgeCircuit`` for what there is to set and to see.
+
+    :param capacitances_f: of each output (F), 0 where none is connected; 1 to 8 outputs.
+    :param drive: supply and bridge.
+    :param start_s: time at the start (s).
+    :param reversal: clamped or direct.
+    :raises InputError: other outputs than these, or a supply with a reservoir.
+    """
 
     def __init__(
         self,
@@ -28,8 +35,8 @@ class OutputStage(BridgeCircuit):
         reversal: str = "clamped",
     ):
         super().__init__(capacitances_f, drive, start_s, reversal)
-        self._frequency_hz = 0.0
-        self._reversal_s = math.inf
+        self._frequency_hz: float = 0.0
+        self._reversal_s: float = math.inf
         self._by_pins = False
         self._turned_s = math.nan  # last reversal that pins made
         self.stuck = False
@@ -42,6 +49,10 @@ class OutputStage(BridgeCircuit):
 
         Mask or volts 0 shorts everything. A wave of the same frequency goes on in phase; 0 Hz is constant voltage.
 
+        :param time_s: when (s), not before ``now_s``.
+        :param mask: one bit an output.
+        :param volts: setpoint (V), 0 to the supply's.
+        :param frequency_hz: of the wave (Hz), 0 to the bridge's.
         :raises InputError: time going back, a mask beyond the outputs, a number outside its range.
         """
         if not 0 <= mask < 1 << len(self._outputs):
@@ -72,10 +83,13 @@ class OutputStage(BridgeCircuit):
         self._await_breakdown()
 
     def pins(self, time_s: float, mask: int, volts: float, polarity: int, enabled: bool = True) -> None:
-        """From ``time_s`` on, what a controller's pins say: the outputs in ``mask`` on the bridge, all others shorted.
+        """From ``time_s`` on, what a controller's pins set: the outputs in ``mask`` on the bridge, all others shorted.
 
-        :param volts: setpoint of the supply; without ``enabled`` it gives nothing, and only its bleeder is there.
-        :param polarity: of the bridge, +1 or -1; 0: its legs are shorted together.
+        :param time_s: when (s), not before ``now_s``.
+        :param mask: one bit an output.
+        :param volts: setpoint of the supply (V), 0 to the supply's.
+        :param polarity: of the bridge, +1 or -1; 0: its legs are shorted.
+        :param enabled: False: the supply gives nothing, and only its bleeder is there.
         :raises InputError: time going back, a mask beyond the outputs, a number outside its range.
         """
         if not 0 <= mask < 1 << len(self._outputs):
@@ -108,6 +122,7 @@ class OutputStage(BridgeCircuit):
     def advance(self, to_s: float) -> None:
         """Carry every voltage to ``to_s``.
 
+        :param to_s: time (s), not before ``now_s``.
         :raises InputError: time going back.
         """
         if not self._now_s <= to_s < math.inf:
@@ -134,7 +149,7 @@ class OutputStage(BridgeCircuit):
 
     @property
     def frequency_hz(self) -> float:
-        """Of the wave; of one that pins make as its last whole half period tells, 0 before there was any."""
+        """Of the wave (Hz); of one that pins make by its last whole half period, 0 before there was any."""
         return self._frequency_hz
 
     def _next_event_s(self) -> float:

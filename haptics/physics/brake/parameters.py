@@ -22,12 +22,17 @@ class BrakeParameters(Parameters):
 
 BRAKE = BrakeParameters()
 MAX_VOLTS = 1500.0
-"""Greatest amplitude at which force was measured (thesis 4.7.3), and the setpoint's limit."""
+"""Maximum amplitude (V) at which force was measured (thesis 4.7.3), and the setpoint's limit."""
 
 
 def capacitance_f(overlap_m2: float, thickness_m: float, permittivity: float, strips: int = 1) -> float:
     """``C = n e_r e_0 A / d`` (Eq 4.1), 2.547 nF for the thesis' brake.
 
+    :param overlap_m2: area of one pair of strips that overlaps (m2), 0 to 1.
+    :param thickness_m: of the dielectric (m), 0.1 um to 10 mm.
+    :param permittivity: relative, 1 to 1000.
+    :param strips: stacked pairs of strips, 1 to 1000.
+    :return: capacitance of all pairs together (F).
     :raises InputError: negative area, no thickness, permittivity below 1, or no strip.
     """
     in_range("overlap_m2", overlap_m2, 0.0, 1.0, "m2")
@@ -40,7 +45,12 @@ def capacitance_f(overlap_m2: float, thickness_m: float, permittivity: float, st
 def compression_n(volts: float, overlap_m2: float, thickness_m: float, permittivity: float, strips: int = 1) -> float:
     """``F = n e_r e_0 A V^2 / (2 d^2)`` (Eq 4.2), without any gap: 220 N at 1500 V for the thesis' brake.
 
-    :param volts: amplitude; its sign has no effect.
+    :param volts: amplitude (V); its sign has no effect.
+    :param overlap_m2: as ``capacitance_f``.
+    :param thickness_m: as ``capacitance_f``.
+    :param permittivity: as ``capacitance_f``.
+    :param strips: as ``capacitance_f``.
+    :return: force that presses the strips together (N), of all pairs.
     :raises InputError: as ``capacitance_f``.
     """
     return (
@@ -51,5 +61,9 @@ def compression_n(volts: float, overlap_m2: float, thickness_m: float, permittiv
 
 
 def overlap_sensitivity_f_per_m(parameters: BrakeParameters = BRAKE) -> float:
-    """Capacitance per metre of sliding, ``e_r e_0 w / d``: the same 23 pF/mm senses a finger's position (derived)."""
+    """Capacitance per metre of sliding, ``e_r e_0 w / d``: the same 23 pF/mm senses a finger's position (derived).
+
+    :param parameters: width, thickness and permittivity of the brake.
+    :return: loss of capacitance over sliding (F/m).
+    """
     return capacitance_f(parameters.width_m, parameters.thickness_m, parameters.permittivity)

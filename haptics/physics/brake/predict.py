@@ -26,12 +26,30 @@ MIN_FREQUENCY_HZ = 0.5
 class BrakePrediction:
     """What a brake does under a bipolar square wave.
 
-    ``force_n`` is holding capacity at ``amplitude_v``, the amplitude really reached, 0 past breakdown; ``force_sd_n`` its
-    standard deviation from the law's fit. ``compression_ideal_n`` and ``friction_ideal_n`` are Eq 4.2 and 4.3 at ``volts``.
-    ``capacitance_f`` is one clutch's (all its strips). ``t90_ms`` from 0 V to 90 % of ``volts``, all clutches charging together.
-    ``power_eq44_w`` is Eq 4.4 for one clutch; ``supply_power_w`` the mean of v i at the supply's output for all of them, stray
-    and bleeder included. ``max_frequency_hz`` is what the supply's current allows at full swing.
-    ``valid`` is False with ``reasons`` where the figures are outside what was measured or allowed.
+    :param volts: amplitude asked for (V).
+    :param finger: whose law.
+    :param law: its name.
+    :param strips: stacked pairs.
+    :param clutches: charging together.
+    :param overlap_m2: of one pair (m2).
+    :param thickness_m: of the dielectric (m).
+    :param permittivity: relative.
+    :param frequency_hz: of the wave (Hz).
+    :param force_n: holding capacity at ``amplitude_v`` (N), 0 past breakdown.
+    :param force_sd_n: its standard deviation from the law's fit (N).
+    :param amplitude_v: amplitude really reached (V).
+    :param capacitance_f: of one clutch, all its strips (F).
+    :param compression_ideal_n: Eq 4.2 at ``volts`` (N).
+    :param friction_ideal_n: Eq 4.3 at ``volts`` (N).
+    :param field_v_per_um: in the dielectric (V/um).
+    :param t90_ms: from 0 V to 90 % of ``volts`` (ms), all clutches charging together.
+    :param max_frequency_hz: what the supply's current allows at full swing (Hz).
+    :param power_eq44_w: Eq 4.4 for one clutch (W).
+    :param supply_power_w: mean of v i at the supply's output for all clutches (W), stray and bleeder included.
+    :param stored_charge_c: on all clutches at ``volts`` (C).
+    :param valid: False with ``reasons`` where the figures are outside what was measured or allowed.
+    :param reasons: one sentence for each.
+    :param extrapolated: what lies outside the law's fit, one sentence each.
     """
 
     volts: float
@@ -57,6 +75,7 @@ class BrakePrediction:
     stored_charge_c: float
     valid: bool
     reasons: tuple[str, ...]
+    extrapolated: tuple[str, ...]
 
 
 def predict_brake(
@@ -76,11 +95,21 @@ def predict_brake(
 ) -> BrakePrediction:
     """Force, field, charge and power at a setpoint.
 
-    :param volts: amplitude, 0 to 100 kV. :param strips: stacked pairs, 1 to 64. :param overlap_m2: 0 to 1.
-    :param thickness_m: 0.1 um to 10 mm. :param frequency_hz: 0 (constant) to 1 MHz.
+    :param volts: amplitude (V), 0 to 100 kV.
+    :param finger: whose law: index or thumb.
+    :param strips: stacked pairs, 1 to 64.
+    :param overlap_m2: of one pair (m2), 0 to 1.
+    :param thickness_m: of the dielectric (m), 0.1 um to 10 mm.
+    :param frequency_hz: of the wave (Hz), 0 (constant) to 1 MHz.
+    :param law: threshold, ideal or closing_gap.
+    :param permittivity: relative, 1 to 1000.
     :param clutches: identical ones charging from the same supply, 1 to 64.
+    :param reversal: clamped or direct, see ``charging``.
+    :param brake: friction and breakdown field.
+    :param drive: supply and bridge.
+    :return: the prediction.
     :raises InputError: an unknown finger, law or reversal, or a number outside its range; what is merely beyond the valid range
-        is answered with ``valid`` False.
+        is answered with ``valid`` False, what is beyond the law's fit with ``extrapolated``.
     """
     the_law = force_law(finger, law)
     in_range("volts", volts, 0.0, 1e5, "V")
@@ -123,8 +152,8 @@ def predict_brake(
         thickness_m=thickness_m,
         permittivity=permittivity,
         frequency_hz=frequency_hz,
-        force_n=0.0 if broken else the_law.force_n(half.amplitude_v, *geometry),
-        force_sd_n=0.0 if broken else the_law.force_sd_n(half.amplitude_v, *geometry),
+        force_n=0.0 if broken else the_law.force_n(half.amplitude_v, *geometry, extrapolate=True),
+        force_sd_n=0.0 if broken else the_law.force_sd_n(half.amplitude_v, *geometry, extrapolate=True),
         amplitude_v=half.amplitude_v,
         capacitance_f=one_f,
         compression_ideal_n=compression,
@@ -137,6 +166,7 @@ def predict_brake(
         stored_charge_c=clutches * one_f * volts,
         valid=not reasons,
         reasons=tuple(reasons),
+        extrapolated=() if broken else the_law.outside(half.amplitude_v, thickness_m, permittivity),
     )
 
 
@@ -155,11 +185,24 @@ def predict_volts(
     brake: BrakeParameters = BRAKE,
     drive: DriveParameters = DRIVE,
 ) -> BrakePrediction:
-    """The prediction at the amplitude that holds ``force_n`` by the law; ``valid`` says whether that amplitude may be had.
+    """The prediction at the amplitude that holds a force by the law; its ``valid`` is whether that amplitude may be had.
 
+    :param force_n: force to hold (N), 0 or more.
+    :param finger: as ``predict_brake``.
+    :param strips: as ``predict_brake``.
+    :param overlap_m2: as ``predict_brake``, but more than 0.
+    :param thickness_m: as ``predict_brake``.
+    :param frequency_hz: as ``predict_brake``.
+    :param law: as ``predict_brake``.
+    :param permittivity: as ``predict_brake``.
+    :param clutches: as ``predict_brake``.
+    :param reversal: as ``predict_brake``.
+    :param brake: as ``predict_brake``.
+    :param drive: as ``predict_brake``.
+    :return: the prediction; its ``volts`` are the amplitude.
     :raises InputError: a force below 0, one that takes more than 100 kV, no overlap, or as ``predict_brake``.
     """
-    volts = force_law(finger, law).volts_for(force_n, overlap_m2, thickness_m, permittivity, strips)
+    volts = force_law(finger, law).volts_for(force_n, overlap_m2, thickness_m, permittivity, strips, extrapolate=True)
     return predict_brake(
         volts,
         finger,

@@ -1,8 +1,8 @@
-"""A standard pull: what a level of the brake model says of engaging a brake, pulling it till it slides, and letting go.
+"""A standard pull: what a level of the brake model makes of engaging a brake, pulling it till it slides, and letting go.
 
 The brake is driven from rest for half a second at least and four half periods; then a stiff frame loads it, and pulls on at the
 published 1 mm/s (thesis 4.7.2) while the strips slide; then it is switched off. The published pull is longer, 10 mm, and loses
-more overlap. The plateau lies below the capacity between reversals: at each the capacity dips, the strips give way, and the
+more overlap. The plateau lies below the capacity between reversals: at each the capacity dips, the strips slip, and the
 frame takes time to load them again; what a faster pull shows is higher.
 """
 
@@ -36,9 +36,11 @@ _MIN_RELEASED_N = 0.05
 class Pull:
     """What a pull shows.
 
-    ``plateau_n``: mean tension while the strips slide, over whole periods. ``ripple_n``: its peak to peak there.
-    ``response_ms``: from the drive until the capacity has 90 % of the most it reaches before the pull. ``release_ms``: from
-    switching off until it is down to 10 % of what it was; nan if there was next to none.
+    :param level: of the model.
+    :param plateau_n: mean tension while the strips slide (N), over whole periods.
+    :param ripple_n: its peak to peak there (N).
+    :param response_ms: from the drive until the capacity has 90 % of the maximum it reaches before the pull (ms).
+    :param release_ms: from switching off until it is down to 10 % of what it was (ms); nan if there was next to none.
     """
 
     level: str
@@ -59,8 +61,13 @@ def pull(
 ) -> Pull:
     """Drive, pull and release output 0 of a system; all outputs are driven, as they share the supply.
 
-    :param volts: 0 to the supply's, below breakdown. :param frequency_hz: 0 (constant) to the bridge's.
+    :param level: of the model, one of ``LEVELS``.
+    :param volts: amplitude (V), 0 to the supply's, below breakdown.
+    :param frequency_hz: of the wave (Hz), 0 (constant) to the bridge's.
+    :param system: the brakes; one published brake by default.
     :param tester: what pulls, in place of the system's finger.
+    :param step_s: as ``brake_plant``.
+    :return: what the pull shows.
     :raises InputError: an unknown level, or a number outside its range.
     """
     one_of("level", level, LEVELS)
@@ -101,9 +108,11 @@ def pull(
 
 
 def predicted_pull(prediction: BrakePrediction, level: str) -> Pull:
-    """The pull of the brake that a prediction is about; all nan where there is none to be had: past breakdown, above what the
-    supply or the bridge can do.
+    """The pull of the brake that a prediction is about.
 
+    :param prediction: of the brake; at most 8 clutches.
+    :param level: of the model, one of ``LEVELS``.
+    :return: the pull; all nan where there is none to be had: past breakdown, above what the supply or the bridge can do.
     :raises InputError: an unknown level, or more than 8 clutches.
     """
     one_of("level", level, LEVELS)

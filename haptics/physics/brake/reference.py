@@ -15,10 +15,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
-from scipy.integrate import solve_ivp
+from scipy.integrate import solve_ivp  # pyright: ignore[reportMissingTypeStubs, reportUnknownVariableType]
 
 from haptics.errors import InputError
 from haptics.physics.brake.base import BrakeBase
@@ -41,7 +41,13 @@ Signed = Callable[[float, Any], float]
 
 @dataclass(slots=True)
 class Piece:
-    """One output between two events: the capacity, position and speed over time, and how the strips are."""
+    """One output between two events.
+
+    :param until_s: where it ends (s).
+    :param at: capacity (N), position (m) and speed (m/s) as a function of time (s).
+    :param mode: how the strips are: slack, pushed, sticks or slides.
+    :param slip_m: slip at the piece's beginning (m).
+    """
 
     until_s: float
     at: Callable[[float], Any]
@@ -51,7 +57,12 @@ class Piece:
 
 @dataclass(slots=True)
 class Volts:
-    """``V = target + (from - target) exp(-(t - since) / tau)``."""
+    """A course of volts: ``V = target + (from - target) exp(-(t - since) / tau)``.
+
+    :param since_s: where it begins (s).
+    :param from_v: volts there, signed.
+    :param regime: where they head, and how fast.
+    """
 
     since_s: float
     from_v: float
@@ -62,7 +73,12 @@ class Volts:
 
 
 class ReferenceBrakes(BrakeBase):
-    """Brakes at level ``reference``; see ``BrakePlant``."""
+    """Brakes at level ``reference``; see ``BrakePlant``.
+
+    :param system: the brakes, their supply, and what pulls on them.
+    :param start_s: time at the start (s), within 1e9.
+    :raises InputError: a start outside its range; here or later, a motion that cannot be solved.
+    """
 
     level = "reference"
 
@@ -89,7 +105,7 @@ class ReferenceBrakes(BrakeBase):
 
     @property
     def speed_m_s(self) -> list[float]:
-        """Of each finger."""
+        """Of each finger (m/s)."""
         return [float(self._piece(k, self._now_s).at(self._now_s)[2]) for k in range(self._system.outputs)]
 
     def _changed(self) -> None:
@@ -112,7 +128,7 @@ class ReferenceBrakes(BrakeBase):
             self._tension_n[k] = min(max(0.0, self._tension(piece.mode, piece.slip_m, state)), force_n)
 
     def _take(self, time_s: float) -> None:
-        """Make a time in the leg the present, and tell what came before."""
+        """Make a time in the leg the present, and report what came before."""
         self.stage.advance(time_s)
         self._look(time_s)
         for k in range(self._system.outputs):
@@ -120,7 +136,7 @@ class ReferenceBrakes(BrakeBase):
             self._state[k], self._mode[k] = piece.at(time_s), piece.mode
         for at_s, k in self._halves:
             if at_s <= time_s and math.isfinite(self._half_n[k]):
-                self._tell_half(k, at_s)
+                self._report_half(k, at_s)
 
     # Legs.
 
@@ -196,10 +212,10 @@ class ReferenceBrakes(BrakeBase):
             borders = self._borders(k, volts, mode, slip_m, rising, motion)
             events = [_crossing(of, direction) for _, of, direction in borders]
             events.append(_passing(self._half_n[k]))
-            solved = solve_ivp(
+            solved = cast(Any, solve_ivp(
                 motion, (now_s, until_s), state, "DOP853", dense_output=True, events=events,
                 rtol=RELATIVE_TOLERANCE, atol=_ABSOLUTE_TOLERANCE, first_step=min(1e-6, until_s - now_s) or None,
-            )  # fmt: skip
+            ))  # fmt: skip
             if not solved.success:
                 raise InputError(f"the motion of output {k} of {self._system} cannot be solved: {solved.message}")
             end_s = float(solved.t[-1])
@@ -224,7 +240,7 @@ class ReferenceBrakes(BrakeBase):
                 slip_m = self._slip(k, mode, slip_m, state)
 
     def _settled(self, k: int, mode: str, slip_m: float, state: Any, volts: float) -> tuple[str, float]:
-        """Mode and slip for what acts now: a jump of volts or of the hand may have changed which way things go."""
+        """Mode and slip for what acts now: a jump of volts or of the hand may have changed the direction of motion."""
         if mode == SLIDES:
             rate = self._rate(k, volts, self._slip(k, mode, slip_m, state), float(state[0]))
             if float(state[2]) < rate / self._system.finger.strip_stiffness_n_m:
@@ -304,9 +320,11 @@ class ReferenceBrakes(BrakeBase):
         """Volts at which the law begins to rise, which overlap has no part in; 0 if it rises from 0 V on, or never."""
         law, brake, strips = self._system.laws[k], self._system.brake, self._system.strips
         geometry = (BRAKE.overlap_m2, brake.thickness_m, brake.permittivity, strips)
-        off_n = law.force_n(0.0, *geometry)
+        off_n = law.force_n(0.0, *geometry, extrapolate=True)
+        if law.force_n(1e4, *geometry, extrapolate=True) <= off_n:
+            return 0.0
         # Next to nothing above the off force takes just those volts.
-        return law.volts_for(off_n * (1.0 + 1e-12), *geometry) if law.force_n(1e4, *geometry) > off_n else 0.0
+        return law.volts_for(off_n * (1.0 + 1e-12), *geometry, extrapolate=True)
 
 
 def _crossing(of: Signed, direction: int) -> Signed:

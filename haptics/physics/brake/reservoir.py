@@ -23,7 +23,13 @@ from typing import NamedTuple
 
 
 class Given(NamedTuple):
-    """Bus and load afterwards (V), and what the supply gave meanwhile, bleeder included."""
+    """What a stretch of time led to.
+
+    :param bus_v: bus afterwards (V).
+    :param load_v: load afterwards (V), in the bridge's frame.
+    :param charge_c: charge that the supply gave meanwhile (C), bleeder included.
+    :param energy_j: energy that it gave (J).
+    """
 
     bus_v: float
     load_v: float
@@ -35,7 +41,14 @@ class Given(NamedTuple):
 class Bus:
     """The circuit's values, unchecked; the bus never stands above ``set_v``.
 
-    ``stiff``: what limits the current sits behind the set voltage, so that energy is ``V`` times charge.
+    :param limit_a: current limit of the supply (A).
+    :param set_v: setpoint (V).
+    :param resistance_ohm: between bus and load, R.
+    :param bleeder_ohm: across the bus, R_b.
+    :param reservoir_f: across the bus, C_r (F).
+    :param load_f: all clutches and stray, C (F).
+    :param leak_s: leak conductance of the load, g (siemens).
+    :param stiff: what limits the current sits behind the set voltage, so that energy is ``V`` times charge.
     """
 
     limit_a: float
@@ -48,7 +61,13 @@ class Bus:
     stiff: bool = False
 
     def shorted(self, bus_v: float, load_v: float, dt_s: float) -> Given:
-        """``dt_s`` with the bridge shorting the load: the load decays, the supply fills the bus and holds it."""
+        """A stretch of time with the bridge shorting the load: the load decays, the supply fills the bus and holds it.
+
+        :param bus_v: bus at the start (V).
+        :param load_v: load at the start (V).
+        :param dt_s: length (s), 0 or more.
+        :return: both afterwards, and what the supply gave.
+        """
         load_v *= math.exp(-dt_s * (1.0 / self.resistance_ohm + self.leak_s) / self.load_f)
         tau_s, ahead_v = self.bleeder_ohm * self.reservoir_f, self.limit_a * self.bleeder_ohm - bus_v
         missing = (self.set_v - bus_v) / ahead_v if ahead_v > 0.0 else math.inf
@@ -62,7 +81,13 @@ class Bus:
         return Given(ends_v, load_v, charge_c, self.set_v * charge_c if self.stiff else at_bus_j)
 
     def joined(self, bus_v: float, load_v: float, dt_s: float) -> Given:
-        """``dt_s`` with the bridge putting the load on the bus."""
+        """A stretch of time with the bridge putting the load on the bus.
+
+        :param bus_v: bus at the start (V).
+        :param load_v: load at the start, in the bridge's frame (V).
+        :param dt_s: length (s), 0 or more.
+        :return: both afterwards, and what the supply gave.
+        """
         wanted_a = self.set_v / self.bleeder_ohm + (self.set_v - load_v) / self.resistance_ohm
         if bus_v >= self.set_v and wanted_a <= self.limit_a:
             return self._full(load_v, dt_s)
@@ -136,7 +161,7 @@ class _Filling(NamedTuple):
         return within_s
 
     def _crossing_s(self, below_s: float, above_s: float) -> float:
-        """Halved until the interval is as short as a double can tell."""
+        """Halved until the interval is as short as a double resolves."""
         while True:
             middle_s = 0.5 * (below_s + above_s)
             if middle_s in (below_s, above_s):
@@ -151,6 +176,11 @@ def steady(bus: Bus, clamped_s: float, half_s: float) -> Given:
     """The half period that repeats itself: volts at its end, and what the supply gave in it.
 
     Averaging makes the map from one half to the next converge even where it only alternates about its fixed point.
+
+    :param bus: the circuit.
+    :param clamped_s: how long the bridge shorts the load at first (s); 0: not at all.
+    :param half_s: length of a half period (s), the short included.
+    :return: volts at its end, and what the supply gave in it.
     """
     bus_v = load_v = bus.set_v
     pause = joined = Given(bus_v, load_v, 0.0, 0.0)

@@ -3,7 +3,7 @@
 Up: the time to half of the force, charging of everything driven (to ``sqrt(1/2)`` of the setpoint) and ``tau_on ln 2``.
 Down: ``tau_off ln 2``. A jump at half height is the step nearest to an exponential. The finger's tension is what the hand pulls
 with, at most the capacity. Volts still come from the closed form: they cost little, and what a controller's guards and self test
-watch is volts. Where pins drive, the amplitude is that at the frequency which their last whole half period tells; before there
+watch is volts. Where pins drive, the amplitude is that at the frequency of their last whole half period; before there
 was one, the setpoint's.
 """
 
@@ -20,14 +20,24 @@ STEP_S = 1e-3
 
 
 class Jump(NamedTuple):
-    """The capacity before any sliding, from a time on."""
+    """A change of capacity, before any sliding, at a time.
+
+    :param time_s: when (s).
+    :param force_n: capacity from then on (N).
+    """
 
     time_s: float
     force_n: float
 
 
 class StaticBrakes(LaggedBrakes):
-    """Brakes at level ``static``; see ``BrakePlant``. :param step_s: between looks at hands that pull, 1 us to 100 ms."""
+    """Brakes at level ``static``; see ``BrakePlant``.
+
+    :param system: the brakes, their supply, and what pulls on them.
+    :param start_s: time at the start (s), within 1e9.
+    :param step_s: between looks at hands that pull (s), 1 us to 100 ms.
+    :raises InputError: a number outside its range.
+    """
 
     level = "static"
 
@@ -92,7 +102,7 @@ class StaticBrakes(LaggedBrakes):
             self._plan(k, target_n, (rise_s if math.isfinite(rise_s) else 0.0) + self._tau_on_s * math.log(2.0))
 
     def _plan(self, k: int, target_n: float, up_s: float) -> None:
-        """One jump at a time: a further change the same way keeps the time of the first."""
+        """One jump at a time: a further change in the same direction keeps the time of the first."""
         full_n, planned = self._full_n[k], self._jumps[k]
         if target_n == full_n:
             self._jumps[k] = None
@@ -110,5 +120,5 @@ class StaticBrakes(LaggedBrakes):
             if jump is not None and jump.time_s <= to_s:
                 self._full_n[k], self._jumps[k] = jump.force_n, None
                 if off_n + (jump.force_n - off_n) * share >= self._half_n[k]:
-                    self._tell_half(k, jump.time_s)
+                    self._report_half(k, jump.time_s)
             self._capacity_n[k] = off_n + (self._full_n[k] - off_n) * share

@@ -1,7 +1,7 @@
-"""Many actuators at once: from one glove's fifteen to the fifteen thousand of a thousand gloves, as arrays.
+"""Many tactors at once: from one glove's fifteen to the fifteen thousand of a thousand gloves, as arrays.
 
 The same models as ``latch_plant``, level ``dynamic`` or ``table``, in one compiled loop: for sweeps, tolerance studies and
-populations, where a Python object for each actuator would cost more than its physics.
+populations, where a Python object for each tactor would cost more than its physics.
 
 >>> bank = LatchBank(15)
 >>> bank.drive(0.0, 5.0)
@@ -32,12 +32,17 @@ Floats = NDArray[np.float64]
 
 
 class LatchBank:
-    """``count`` actuators at rest, to be driven through time together.
+    """``count`` tactors at rest, to be driven through time together.
 
     All share ``parameters`` but for ``resistance_ohm`` (a number, or one each). Times are seconds since the bank was made and
     never go back. Bounces after a landing are followed as in ``TableLatch``.
 
-    :param latched: ``off`` or ``on``, where all begin. :param step_s: of what is stepped, 1 us to 1 ms.
+    :param count: tactors, 1 to 10 million.
+    :param level: table or dynamic.
+    :param parameters: shared by all.
+    :param resistance_ohm: of each coil at room temperature (ohm), a number or (count,), more than 0; the parameters' by default.
+    :param latched: ``off`` or ``on``, where all begin.
+    :param step_s: of what is stepped (s), 1 us to 1 ms.
     :raises InputError: a count outside 1 to 10 million, an unknown level or state, a resistance that is not positive.
     """
 
@@ -61,7 +66,7 @@ class LatchBank:
         self._now_s = 0.0
         self._ohms = self._each("resistance_ohm", parameters.resistance_ohm if resistance_ohm is None else resistance_ohm, count)
         if not (self._ohms > 0.0).all():
-            raise InputError(f"resistance_ohm = {self._ohms.min():g} ohm is not allowed; allowed: more than 0 ohm")
+            raise InputError(f"resistance_ohm = {self._ohms.min():g} ohm; expected more than 0 ohm")
         none = np.zeros((0, 4, 4, 2))
         self._model = (
             self._step_s,
@@ -82,11 +87,13 @@ class LatchBank:
             loop.rest(row, self._model[2])
 
     def drive(self, time_s: float, volts: ArrayLike, rise_k: ArrayLike = 0.0) -> None:
-        """From ``time_s`` on, ``volts`` on the terminals (a number, or one each; positive toward the skin; 0 shorts the coil).
+        """From ``time_s`` on, volts on the terminals.
 
-        :param rise_k: the coils' rise above the room, a number or one each.
-        :raises InputError: time going back, anything not finite, more than 1 kV, a rise that leaves no resistance, or (here or
-            in ``advance``) volts that press a pin deeper into a stop than the forces are known for.
+        :param time_s: when (s), not before the time advanced to.
+        :param volts: a number or (count,), within 1 kV; positive toward the skin; 0 shorts the coil.
+        :param rise_k: the coils' rise above the room (K), a number or (count,).
+        :raises InputError: time going back, anything not finite, more than 1 kV, a rise that leaves no resistance, or (here or in
+            ``advance``) volts that press a pin deeper into a stop than the forces are known for.
         """
         count = len(self._state)
         each_v = self._each("volts", volts, count)
@@ -100,19 +107,23 @@ class LatchBank:
         self._check_depth()
 
     def advance(self, to_s: float) -> None:
-        """Carry every actuator to ``to_s``. :raises InputError: time going back."""
+        """Carry every tactor to a time.
+
+        :param to_s: time (s), not before the time advanced to.
+        :raises InputError: time going back, or a pin pressed too deep, as in ``drive``.
+        """
         self._forward(to_s)
         self._loop.carry(self._state, self._seen, self._now_s, *self._model)
         self._check_depth()
 
     @property
     def position_m(self) -> Floats:
-        """(count,), up to a step (half a millisecond in flight at level ``table``) before the time advanced to."""
+        """(count,), m, up to a step (half a millisecond in flight at level ``table``) before the time advanced to."""
         return self._state[:, self._loop.X].copy()
 
     @property
     def energy_j(self) -> Floats:
-        """(count,), electrical energy taken since the beginning."""
+        """(count,), electrical energy taken since the beginning (J)."""
         s, loop = self._state, self._loop
         resting = np.where(s[:, loop.RESTS] != 0.0, self._now_s - s[:, loop.FROM] - s[:, loop.TIME], 0.0)
         return s[:, loop.ENERGY] + s[:, loop.VOLTS] * (s[:, loop.CHARGE] + s[:, loop.VOLTS] / s[:, loop.OHMS] * resting)
@@ -125,22 +136,22 @@ class LatchBank:
 
     @property
     def at_rest(self) -> NDArray[np.bool_]:
-        """(count,)."""
+        """(count,), whether the pin rests."""
         return self._state[:, self._loop.RESTS] != 0.0
 
     @property
     def reached_skin_s(self) -> Floats:
-        """(count,), when the skin stop was last reached; nan if never."""
+        """(count,), when the skin stop was last reached (s); nan if never."""
         return self._seen[:, self._loop.SKIN_S].copy()
 
     @property
     def reached_off_s(self) -> Floats:
-        """(count,), when the off stop was last reached; nan if never."""
+        """(count,), when the off stop was last reached (s); nan if never."""
         return self._seen[:, self._loop.OFF_S].copy()
 
     @property
     def impact_m_s(self) -> Floats:
-        """(count,), speed at the last stop reached, positive toward the skin; nan if none."""
+        """(count,), speed at the last stop reached (m/s), positive toward the skin; nan if none."""
         return self._seen[:, self._loop.IMPACT].copy()
 
     @property
@@ -167,5 +178,5 @@ class LatchBank:
         except (TypeError, ValueError) as error:
             raise InputError(f"{name} is neither a number nor {count} numbers") from error
         if not np.isfinite(each).all():
-            raise InputError(f"{name} holds {each[~np.isfinite(each)][0]}; allowed: finite numbers")
+            raise InputError(f"{name} holds {each[~np.isfinite(each)][0]}; expected finite numbers")
         return each

@@ -1,4 +1,4 @@
-"""The compiled loop over a bank of actuators. Imported when a bank is first made, so that nothing else waits for numba.
+"""The compiled loop over a bank of tactors. Imported when a bank is first made, so that nothing else waits for numba.
 
 The rules are those of ``DynamicLatch`` and ``TableLatch``, on rows of numbers instead of objects. Times are seconds since the
 bank was made, but ``TIME``, which counts from ``FROM``.
@@ -91,7 +91,7 @@ holds: Any = maybe_compiled(_holds)
 def _carry_one(
     s: Any, seen: Any, to_s: float, whole: bool, step: float, near: float, p: Any, grid: Any, nodes: Any, wells: Any
 ) -> None:
-    """Carry one actuator to ``to_s``; with ``whole`` the last step is not cut, and the state stays behind by less than it."""
+    """Carry one tactor to ``to_s``; with ``whole`` the last step is not cut, and the state stays behind by less than it."""
     stroke = p[0]
     tabled = nodes.shape[0] > 0 and p[14] == 0.0
     end = to_s - s[FROM]
@@ -156,7 +156,7 @@ catch_up: Any = maybe_compiled(_catch_up)
 
 
 def _carry(state: Any, seen: Any, to_s: float, step: float, near: float, p: Any, grid: Any, nodes: Any, wells: Any) -> None:
-    """Carry every actuator to ``to_s``. ``nodes`` of no length: stepped throughout (level ``dynamic``)."""
+    """Carry every tactor to ``to_s``. ``nodes`` of no length: stepped throughout (level ``dynamic``)."""
     for k in range(state.shape[0]):
         carry_one(state[k], seen[k], to_s, True, step, near, p, grid, nodes, wells)
 
@@ -177,7 +177,7 @@ def _drive(
     nodes: Any,
     wells: Any,
 ) -> None:
-    """Carry every actuator to exactly ``time_s`` and put ``volts`` over ``ohms`` on it."""
+    """Carry every tactor to exactly ``time_s`` and put ``volts`` over ``ohms`` on it."""
     for k in range(state.shape[0]):
         s = state[k]
         carry_one(s, seen[k], time_s, True, step, near, p, grid, nodes, wells)

@@ -26,18 +26,31 @@ from haptics.physics.latch.kernel import (
     kernel_parameters,
 )
 from haptics.physics.latch.parameters import LATCH, LatchParameters
-from haptics.physics.latch.plant import DEEPEST, Latched, LatchEvent, beyond_stop, checked_resistance, checked_time, latched_at
+from haptics.physics.latch.plant import (
+    DEEPEST,
+    Latched,
+    LatchEvent,
+    LatchPlant,
+    beyond_stop,
+    checked_resistance,
+    checked_time,
+    latched_at,
+)
 from haptics.units import in_range
 
 STEP_S = 50e-6
 """Default step: arrival within a microsecond of the reference (see ``tests/physics/latch/test_latch_reference.py``)."""
 
 
-class DynamicLatch:
-    """One actuator at level ``dynamic``; see ``LatchPlant`` for the meaning of every member.
+class DynamicLatch(LatchPlant):
+    """One tactor at level ``dynamic``; see ``LatchPlant`` for the meaning of every member.
 
-    :param latched: where it rests at time ``start_s``. :param step_s: 1 us to 1 ms.
+    :param parameters: of the tactor.
+    :param latched: where it rests at first: on or off.
+    :param start_s: time at the start (s).
+    :param step_s: of the integration (s), 1 us to 1 ms.
     :param compiled: step in compiled code (numba, imported at the first motion) or in plain Python; same results.
+    :raises InputError: a state it cannot rest in, or a step outside its range.
     """
 
     def __init__(
@@ -49,7 +62,7 @@ class DynamicLatch:
         compiled: bool = True,
     ):
         if latched not in ("on", "off"):
-            raise InputError(f"latched = {latched!r} is not allowed; allowed: on, off (an actuator cannot rest in between)")
+            raise InputError(f"latched = {latched!r} is not allowed; allowed: on, off (a tactor cannot rest in between)")
         self.rise_k = 0.0
         self._step_s = in_range("step_s", step_s, 1e-6, 1e-3, "s")
         self._compiled, self._integrate = compiled, kernel(compiled)
@@ -57,14 +70,18 @@ class DynamicLatch:
         self._packed = kernel_parameters(parameters)
         self._events: deque[LatchEvent] = deque()
         self._touch_on, self._touch_off = latched == "on", latched == "off"
-        self._volts, self._resistance = 0.0, parameters.resistance_ohm
+        self._volts: float = 0.0
+        self._resistance: float = parameters.resistance_ohm
         self._origin_s, self._now_s = float(start_s), float(start_s)
         # Committed state: a whole number of steps after the last change of drive, at most one step behind now.
-        self._t, self._v, self._i, self._charge = 0.0, 0.0, 0.0, 0.0
-        self._x = parameters.stroke_m if latched == "on" else 0.0
-        self._touching = ON_STOP if latched == "on" else OFF_STOP
-        self._energy_j = 0.0
-        self._resting = True
+        self._x: float = parameters.stroke_m if latched == "on" else 0.0
+        self._v: float = 0.0
+        self._i: float = 0.0
+        self._t: float = 0.0
+        self._charge: float = 0.0
+        self._touching: int = ON_STOP if latched == "on" else OFF_STOP
+        self._energy_j: float = 0.0
+        self._resting: bool = True
         self._peeked: tuple[float, float, float, float] | None = None
         self._settle()
 
@@ -94,6 +111,7 @@ class DynamicLatch:
 
     @property
     def parameters(self) -> LatchParameters:
+        """Of this tactor, the skin as it is now."""
         return self._parameters
 
     @property
@@ -145,17 +163,17 @@ class DynamicLatch:
             why = self._step(end, whole, self._marker())
             if why == REACHED_END:
                 return
-            self._tell(why)
+            self._report(why)
 
     def _step(self, end: float, whole: bool, marker: float) -> int:
-        """Carry the state toward ``end`` until there is something to tell, and say what."""
+        """Carry the state toward ``end`` until there is something to report, and return what."""
         self._x, self._v, self._i, self._touching, self._t, why, self._charge = self._integrate(
             self._x, self._v, self._i, self._touching, self._t, end, self._step_s, whole,
             self._volts, self._resistance, marker, self._charge, self._packed,
         )  # fmt: skip
         return why
 
-    def _tell(self, why: int) -> None:
+    def _report(self, why: int) -> None:
         time_s = self._origin_s + self._t
         if why == REACHED_ON and not self._touch_on:
             self._touch_on = True

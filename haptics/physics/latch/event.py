@@ -7,7 +7,7 @@ pulse that switches leaves it. Current and energy are those of a coil whose pin 
 
 The constants are fitted to the equation of motion over ``FITTED_V``: for ``LatchParameters()`` they stand here and the tests
 fit them again, for other parameters ``event_fit`` makes them when needed. Position is linear in time here, so only
-arrivals, states and energies mean anything. What this level does not know it says in ``outside``: other voltages, a skin under
+arrivals, states and energies mean anything. What this level does not know it reports in ``outside``: other voltages, a skin under
 the pin, and a pulse back in flight that ends before the pin has arrived.
 """
 
@@ -18,16 +18,18 @@ import math
 from haptics.errors import InputError
 from haptics.physics.latch.event_fit import fit_travel
 from haptics.physics.latch.parameters import LATCH, LatchParameters
-from haptics.physics.latch.plant import Latched, LatchEvent, checked_resistance, checked_time, latched_at
-from haptics.physics.latch.travel import FITTED_V, TRAVEL, TravelTable
+from haptics.physics.latch.plant import Latched, LatchEvent, LatchPlant, checked_resistance, checked_time, latched_at
+from haptics.physics.latch.travel import TRAVEL, TravelTable, outside_fit
 from haptics.units import in_range
 
 _SKIN = "a skin under the pin is not felt"
 
 
 def travel_table(parameters: LatchParameters) -> TravelTable:
-    """The constants of a parameter set.
+    """The constants of a parameter set; resistance and skin do not count, they act through the current or not at all.
 
+    :param parameters: of the tactor.
+    :return: constants of both directions.
     :raises InputError: see ``event_fit.fit_travel``.
     """
     same = {"resistance_ohm", "resistance_per_k", "near_stop_m", "skin_stiffness_n_m", "skin_at_m"}
@@ -38,25 +40,27 @@ def travel_table(parameters: LatchParameters) -> TravelTable:
 
 
 def effective_volts(volts: float, resistance_ohm: float) -> float:
-    """The voltage that gives a coil of nominal resistance the same current: what the constants are a function of."""
+    """The voltage that gives a coil of nominal resistance the same current: what the constants are a function of.
+
+    :param volts: at the terminals (V).
+    :param resistance_ohm: of the coil as warm as it is (ohm), more than 0.
+    :return: volts at nominal resistance, 1.38 ohm.
+    """
     return volts * LATCH.resistance_ohm / resistance_ohm
 
 
-def outside_volts(effective_v: float) -> str:
-    """The words for a voltage that the constants were not fitted for."""
-    low, high = FITTED_V
-    return f"{effective_v:.3g} V at nominal resistance is outside the {low:g} to {high:g} V that level event is fitted over"
+class EventLatch(LatchPlant):
+    """One tactor at level ``event``; see ``LatchPlant`` for the meaning of every member.
 
-
-class EventLatch:
-    """One actuator at level ``event``; see ``LatchPlant`` for the meaning of every member.
-
+    :param parameters: of the tactor.
+    :param latched: where it rests at first: on or off.
+    :param start_s: time at the start (s).
     :raises InputError: a state it cannot rest in, or parameters with which it does not switch all over ``FITTED_V``.
     """
 
     def __init__(self, parameters: LatchParameters = LATCH, latched: Latched = "off", start_s: float = 0.0):
         if latched not in ("on", "off"):
-            raise InputError(f"latched = {latched!r} is not allowed; allowed: on, off (an actuator cannot rest in between)")
+            raise InputError(f"latched = {latched!r} is not allowed; allowed: on, off (a tactor cannot rest in between)")
         self.rise_k = 0.0
         self._parameters, self._table = parameters, travel_table(parameters)
         table = self._table
@@ -87,17 +91,17 @@ class EventLatch:
         self._speed, self._coasting, self._arrival_s, self._leave_s = 0.0, False, math.inf, math.inf
         toward_on = volts > 0
         effective_v = effective_volts(abs(volts), resistance)
-        travel_s = self._table.travel_s(toward_on, effective_v)
+        travel_s = self._table.travel_s(toward_on, effective_v, extrapolate=True)
         # Too weak to carry a pin that rests, it still pushes one that flies.
         acts = math.isfinite(travel_s) or (flying and volts != 0.0)
-        if acts and not FITTED_V[0] <= effective_v * (1 + 1e-9) <= FITTED_V[1] * (1 + 2e-9):
-            self._outside[outside_volts(effective_v)] = None
+        if acts:
+            self._outside |= dict.fromkeys(outside_fit(effective_v))
         if volts != 0.0 and math.isfinite(travel_s):
             left = 1.0 - u if toward_on else u
             if left > 0.0:
                 self._speed = (1.0 if toward_on else -1.0) / travel_s
                 self._arrival_s = time_s + left * travel_s
-            share = self._table.min_s(toward_on, effective_v) / travel_s
+            share = self._table.min_s(toward_on, effective_v, extrapolate=True) / travel_s
             self._watershed = share if toward_on else 1.0 - share
             self._escape_s = self._table.on_escape_s if toward_on else self._table.off_escape_s
             if not toward_on and self._touching_skin:
@@ -141,6 +145,7 @@ class EventLatch:
 
     @property
     def parameters(self) -> LatchParameters:
+        """Of this tactor, the skin as it is now."""
         return self._parameters
 
     @property

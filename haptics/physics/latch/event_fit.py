@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
+from typing import Any, cast
 
 from haptics.errors import InputError
 from haptics.physics.latch.parameters import NOMINAL_VOLTS, LatchParameters
@@ -19,14 +20,16 @@ from haptics.physics.latch.travel import FITTED_V, TravelTable
 _LONGEST_S = 50e-3
 _VOLTS = 6
 _FAITHFUL = 0.01
-"""Greatest relative error of a time over ``FITTED_V`` with which the form is used; 0.004 for the published actuator."""
+"""Maximum relative error of a time over ``FITTED_V`` with which the form is used; 0.004 for the published tactor."""
 
 
 @lru_cache(maxsize=32)
 def fit_travel(parameters: LatchParameters) -> TravelTable:
-    """Travel and thresholds of both directions over ``FITTED_V``.
+    """Travel and thresholds of both directions over ``FITTED_V``, each time within 1 % of the equation of motion's.
 
-    :raises InputError: this actuator does not switch all over that range in either direction, or not in that form.
+    :param parameters: of the tactor.
+    :return: constants of both directions.
+    :raises InputError: this tactor does not switch all over that range in either direction, or not in that form.
     """
     values: dict[str, float] = {}
     for side in ("on", "off"):
@@ -34,15 +37,15 @@ def fit_travel(parameters: LatchParameters) -> TravelTable:
         if any(math.isinf(time_s) for _, time_s in travel):
             raise InputError(
                 f"level event cannot describe {parameters}: to {side}, it does not switch all over "
-                f"{FITTED_V[0]:g} to {FITTED_V[1]:g} V; allowed: levels table, dynamic and reference"
+                f"{FITTED_V[0]:g} to {FITTED_V[1]:g} V; use level table, dynamic or reference"
             )
-        least = [(volts, _min_s(parameters, side, volts)) for volts in _range()]
-        for name, points in (("travel", travel), ("least", least)):
+        shortest = [(volts, _min_s(parameters, side, volts)) for volts in _range()]
+        for name, points in (("travel", travel), ("min", shortest)):
             at_nominal_s, zero_v, power, error = _fit(points)
             if error > _FAITHFUL:
                 raise InputError(
                     f"level event cannot describe {parameters}: {name} to {side} strays by {100 * error:.2g} % from its form; "
-                    "allowed: levels table, dynamic and reference"
+                    "use level table, dynamic or reference"
                 )
             values |= {f"{side}_{name}_s": at_nominal_s, f"{side}_{name}_zero_v": zero_v, f"{side}_{name}_power": power}
         events = _flight(parameters, side, NOMINAL_VOLTS, _LONGEST_S)
@@ -96,9 +99,9 @@ def _min_v(parameters: LatchParameters, side: str) -> float:
 
 
 def _fit(points: list[tuple[float, float]]) -> tuple[float, float, float, float]:
-    """Time at 5 V, V0, q, and the greatest relative error; infinite where times are too short or long to be a pin's."""
+    """Time at 5 V, V0, q, and the maximum relative error; infinite where times are too short or long to be a pin's."""
     import numpy as np
-    from scipy.optimize import least_squares
+    from scipy.optimize import least_squares  # pyright: ignore[reportMissingTypeStubs, reportUnknownVariableType]
 
     volts, times_s = np.array(points).T
     if not (times_s.min() > 1e-6 and times_s.max() < 1.0):
@@ -108,8 +111,9 @@ def _fit(points: list[tuple[float, float]]) -> tuple[float, float, float, float]
         at_nominal_s, zero_v, power = z
         return np.log(at_nominal_s) + power * np.log((NOMINAL_VOLTS - zero_v) / (volts - zero_v)) - np.log(times_s)
 
-    start = (float(np.interp(NOMINAL_VOLTS, volts, times_s)), 0.4 * FITTED_V[0], 0.7)
-    found = least_squares(residuals, start, bounds=([1e-6, 0.0, 0.01], [1.0, 0.98 * FITTED_V[0], 3.0]), x_scale=(1e-3, 1.0, 0.1))
+    start = (float(cast(Any, np.interp(NOMINAL_VOLTS, volts, times_s))), 0.4 * FITTED_V[0], 0.7)
+    bounds = ([1e-6, 0.0, 0.01], [1.0, 0.98 * FITTED_V[0], 3.0])
+    found = cast(Any, least_squares(residuals, start, bounds=bounds, x_scale=(1e-3, 1.0, 0.1)))
     return float(found.x[0]), float(found.x[1]), float(found.x[2]), float(np.max(np.abs(found.fun)))
 
 
@@ -119,6 +123,9 @@ def _escape_s(p: LatchParameters) -> float:
     pull = p.hold_on_n * u_on ** (-p.plate_power - 1.0) + p.hold_off_n * u_off ** (-p.plate_power - 1.0)
     slope = p.plate_power / p.plate_length_m * pull
     if slope <= 0.0:
-        raise InputError(f"level event cannot describe {p}: between its plates nothing pulls either way")
+        raise InputError(
+            f"level event cannot describe {p}: between its plates nothing pulls in either direction; "
+            "use level table, dynamic or reference"
+        )
     rate = (-p.drag_n_s_m + math.sqrt(p.drag_n_s_m**2 + 4.0 * p.mass_kg * slope)) / (2.0 * p.mass_kg)
     return 1.0 / rate

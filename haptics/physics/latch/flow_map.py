@@ -1,9 +1,9 @@
 """Free flight from a table: where the pin is half a millisecond on, as a function of position, speed and voltage.
 
-Between the stops the coil's current follows speed and voltage within ``L/R`` (14 us), so that position and speed alone say what
-happens next. Their change over ``SPAN_S`` is tabulated on a grid of position, speed and voltage by the fine steps of
-``kernel``, and interpolated by cubics (four nodes each way). Between the ends of a span the path is the quintic through
-position, speed and acceleration, which also says when the pin meets a stop.
+Between the stops the coil's current follows speed and voltage within ``L/R`` (14 us), so that position and speed alone decide
+what happens next. Their change over ``SPAN_S`` is tabulated on a grid of position, speed and voltage by the fine steps of
+``kernel``, and interpolated by cubics (four nodes in each direction). Between the ends of a span the path is the quintic through
+position, speed and acceleration, which also gives when the pin meets a stop.
 
 Voltage counts as the current it drives, ``u = V R0 / R``. Resistance also sets the braking by induced voltage, ``K^2/R``; its
 departure from the table's is put in as a small impulse. When voltage changes in flight the current is off its slow course for a
@@ -25,11 +25,11 @@ from haptics.physics.latch.parameters import LATCH, NOMINAL_VOLTS, LatchParamete
 
 SPAN_S = 0.5e-3
 UNTABLED = 7
-"""Why ``fly`` came back, besides what ``kernel`` tells: here the table has no answer."""
+"""Why ``fly`` came back, besides the reasons of ``kernel``: here the table has no answer."""
 _NODES = ((41, 21, 21), (61, 31, 31))  # of position, speed, voltage; the first that is fine enough is used
 _SUBSTEPS = 20
-_MAX_V = 1.4 * NOMINAL_VOLTS  # the coldest coil of least resistance draws as much as this at 5 V
-_FAITHFUL = 2e-5  # of the stroke: greatest error over a span with which a table is used
+_MAX_V = 1.4 * NOMINAL_VOLTS  # the coldest coil of minimum resistance draws as much as this at 5 V
+_FAITHFUL = 2e-5  # of the stroke: largest error over a span with which a table is used
 
 
 def fly(
@@ -47,10 +47,25 @@ def fly(
     grid: tuple[float, ...],
     nodes: Any,
 ) -> tuple[float, float, float, int, float, int, float]:
-    """Carry a free pin from ``t`` toward ``end`` span by span; come back at the first thing worth telling.
+    """Carry a free pin toward a time span by span; come back at the first thing worth reporting.
 
-    Arguments and result as ``kernel.integrate``. With ``whole`` the last span is not cut, but what happens in it before
-    ``end`` is told. ``grid``: span, greatest speed and voltage of the table, its resistance. ``nodes``: see ``FlowTable``.
+    Arguments and result as ``kernel.integrate``, but that the pin touches nothing at first. With ``whole`` the last span is not
+    cut, but what happens in it before ``end`` is reported.
+
+    :param x: position (m).
+    :param v: speed (m/s).
+    :param i: current (A).
+    :param t: time now (s).
+    :param end: time to reach (s).
+    :param whole: True: stop short of ``end`` rather than cut the last span.
+    :param volts: at the terminals (V).
+    :param resistance: of the coil (ohm).
+    :param marker: a position (m) whose crossing is reported too; negative: none.
+    :param charge: integral of the current so far (A s).
+    :param p: see ``kernel_parameters``.
+    :param grid: span (s), maximum speed (m/s) and voltage (V) of the table, its resistance (ohm).
+    :param nodes: see ``FlowTable``.
+    :return: ``(x, v, i, touching, t, why, charge)`` as ``kernel.integrate``; ``why`` may be ``UNTABLED``.
     """
     (stroke, mass, hold_on, hold_off, d, power, thrust, length, drag, inductance) = p[:10]
     span, v_max, u_max, r_table = grid
@@ -71,13 +86,13 @@ def fly(
         i_now = (volts - k0 * v) / resistance
         a0 = (k0 * i_now + pull - drag * v) / mass
         i_slow = i_now + tau / resistance * ((e1 - e0) / length * v * v + k0 * a0)
-        # The current's way back to that course pushes the pin a little.
+        # The current's return to that course pushes the pin a little.
         kick = k0 * (i - i_slow) * tau / mass / (1.0 - beta * tau)
         x0, v0 = x - kick * tau, v + kick
         if abs(kick) > 1e-12:
             i_now = (volts - k0 * v0) / resistance
             a0 = (k0 * i_now + pull - drag * v0) / mass
-        # Where a span leads: four nodes each way.
+        # Where a span leads: four nodes in each direction.
         f_x, f_v, f_u = x0 / stroke * (n_x - 1), 0.5 * (v0 / v_max + 1.0) * (n_v - 1), 0.5 * (u / u_max + 1.0) * (n_u - 1)
         j_x = min(max(int(f_x) - 1, 0), n_x - 4)
         j_v = min(max(int(f_v) - 1, 0), n_v - 4)
@@ -166,7 +181,7 @@ def fly(
         else:
             e0, e1 = norm * math.exp(-x1 / length), norm * math.exp((x1 - stroke) / length)
         i1 = (volts - k1 * v1) / resistance + tau / resistance * ((e1 - e0) / length * v1 * v1 + k1 * a1)
-        # What of the current's way back is still to come is left to the next span, with its push.
+        # What of the current's return is still to come is left to the next span, with its push.
         unsettled = math.exp(-cut * span / tau)
         if unsettled > 1e-12:
             i1 += (i - i_slow) * unsettled
@@ -190,7 +205,11 @@ def fly(
 
 @cache
 def flight(compiled: bool = True) -> Callable[..., tuple[float, float, float, int, float, int, float]]:
-    """``fly``, compiled by numba or as it stands."""
+    """``fly``, compiled by numba or as it stands.
+
+    :param compiled: False: the plain function.
+    :return: the function.
+    """
     return maybe_compiled(fly) if compiled else fly
 
 
@@ -198,9 +217,10 @@ def flight(compiled: bool = True) -> Callable[..., tuple[float, float, float, in
 class FlowTable:
     """Flight of one parameter set over ``SPAN_S``.
 
-    ``nodes``: (position, speed, voltage, 2), the last axis being change of position (m) and speed after a span (m/s); equally
-    spaced from 0 to the stroke, and from minus to plus the greatest speed and voltage in ``grid`` (span, speed, voltage,
-    resistance). ``error_m``: greatest error of the position after a span, tried halfway between nodes.
+    :param grid: span (s), maximum speed (m/s), maximum voltage (V), resistance (ohm).
+    :param nodes: (position, speed, voltage, 2), the last axis being change of position (m) and speed after a span (m/s); equally
+        spaced from 0 to the stroke, and from minus to plus the maximum speed and voltage.
+    :param error_m: largest error of the position after a span (m), tried halfway between nodes.
     """
 
     grid: tuple[float, float, float, float]
@@ -213,6 +233,9 @@ def flow_table(parameters: LatchParameters) -> FlowTable | None:
     """The table of a parameter set, or None where half a millisecond is too long a span for it.
 
     Made once for all coils that differ by resistance and skin only, in under 0.1 s.
+
+    :param parameters: of the tactor; its resistance and skin do not count.
+    :return: the table, or None.
     """
     return _flow_table(parameters.with_values(resistance_ohm=LATCH.resistance_ohm, skin_stiffness_n_m=0.0))
 
@@ -247,7 +270,7 @@ def _halfway(nodes: np.ndarray, axis: int) -> np.ndarray:
 
 
 def _after_a_span(x: np.ndarray, v: np.ndarray, u: np.ndarray, p: LatchParameters) -> tuple[np.ndarray, np.ndarray]:
-    """Change of position and the speed after a span of free flight, stops out of the way; Runge-Kutta of order 4."""
+    """Change of position and the speed after a span of free flight, as if there were no stops; Runge-Kutta of order 4."""
     h = SPAN_S / _SUBSTEPS
     x0, x1, v1 = x, x, v
     for _ in range(_SUBSTEPS):
@@ -278,7 +301,7 @@ def _acceleration(x: np.ndarray, v: np.ndarray, u: np.ndarray, p: LatchParameter
 
 
 def _max_speed(p: LatchParameters) -> float:
-    """A speed that a pin started at rest does not pass between the stops at the greatest voltage: by energy, and by drag."""
+    """A speed that a pin started at rest does not pass between the stops at the maximum voltage: by energy, and by drag."""
     force = p.thrust_n_a * _MAX_V / p.resistance_ohm + max(p.hold_on_n, p.hold_off_n)
     by_energy = math.sqrt(2.0 * force * p.stroke_m / p.mass_kg)
     return min(by_energy, force / p.drag_n_s_m) if p.drag_n_s_m else by_energy

@@ -1,4 +1,4 @@
-"""The inner loop of the ``dynamic`` level: one actuator under constant terminal voltage, step by step.
+"""The inner loop of the ``dynamic`` level: one tactor under constant terminal voltage, step by step.
 
 ::
 
@@ -15,6 +15,9 @@ is cut where the cubic through its ends does, so that the force is smooth inside
 
 One plain function, so that numba can compile it whole; ``kernel(compiled=False)`` runs the same lines in Python.
 """
+
+# Types that depend on one another through these loops are beyond what a checker infers.
+# pyright: reportUnknownVariableType=false, reportUnknownArgumentType=false
 
 from __future__ import annotations
 
@@ -48,12 +51,22 @@ def integrate(
     charge: float,
     p: tuple[float, ...],
 ) -> tuple[float, float, float, int, float, int, float]:
-    """Carry the pin from ``t`` toward ``end`` in steps of ``step``; come back at the first thing worth telling.
+    """Carry the pin toward a time in steps; come back at the first thing worth reporting.
 
-    ``x, v, i``: position (m), speed (m/s), current (A); ``touching``: one of OFF_STOP, FREE, ON_STOP; ``whole``: stop short of
-    ``end`` rather than cut the last step; ``marker``: a position whose crossing is told too (negative: none); ``p``: see
-    ``kernel_parameters``. Returns ``(x, v, i, touching, t, why, charge)``, ``charge``
-    (A s) having grown by the integral of the current.
+    :param x: position (m).
+    :param v: speed (m/s).
+    :param i: current (A).
+    :param touching: one of OFF_STOP, FREE, ON_STOP.
+    :param t: time now (s).
+    :param end: time to reach (s).
+    :param step: length of a step (s).
+    :param whole: True: stop short of ``end`` rather than cut the last step.
+    :param volts: at the terminals (V).
+    :param resistance: of the coil (ohm).
+    :param marker: a position (m) whose crossing is reported too; negative: none.
+    :param charge: integral of the current so far (A s).
+    :param p: see ``kernel_parameters``.
+    :return: ``(x, v, i, touching, t, why, charge)`` when it came back, ``why`` one of the reasons above.
     """
     (stroke, mass, hold_on, hold_off, d, power, thrust, length, drag, inductance, k_off, c_off, k_on, c_on, k_skin, skin_at) = p
     norm = thrust / (1.0 + math.exp(-stroke / length))
@@ -71,7 +84,7 @@ def integrate(
             share = 0.2 if v * v + stop_rate2 * depth * depth > 0.15 * 0.15 else 0.3
             h = min(h, max(1e-6, share / math.sqrt(stop_rate2)))
         else:
-            # No long step across a bounce: plates and speed say how soon the pin could be back.
+            # No long step across a bounce: plates and speed bound how soon the pin could be back.
             h = min(h, max(20e-6, 0.5 * abs(v) * mass / (hold_on + hold_off + 1e-9)))
         # After a change of voltage the current needs a few L/R: begin within that, and double from step to step.
         h = min(h, 0.2 / rate + t)
@@ -226,7 +239,11 @@ def integrate(
 
 
 def kernel_parameters(p: LatchParameters) -> tuple[float, ...]:
-    """The parameters in the order that ``integrate`` unpacks them."""
+    """The parameters in the order that ``integrate`` unpacks them.
+
+    :param p: of the tactor.
+    :return: sixteen numbers, SI.
+    """
     return (
         float(p.stroke_m),
         float(p.mass_kg),
@@ -249,12 +266,20 @@ def kernel_parameters(p: LatchParameters) -> tuple[float, ...]:
 
 @cache
 def kernel(compiled: bool = True) -> Callable[..., tuple[float, float, float, int, float, int, float]]:
-    """``integrate``, compiled or as it stands."""
+    """``integrate``, compiled or as it stands.
+
+    :param compiled: False: the plain function.
+    :return: the function.
+    """
     return maybe_compiled(integrate) if compiled else integrate
 
 
 def maybe_compiled(function: Callable[..., Any]) -> Callable[..., Any]:
-    """``function`` compiled by numba (imported here, when first needed), or as it stands where numba is not installed."""
+    """A function compiled by numba (imported here, when first needed), or as it stands where numba is not installed.
+
+    :param function: of plain numbers and arrays.
+    :return: the function, compiled or the same.
+    """
     try:
         import numba
     except ImportError:

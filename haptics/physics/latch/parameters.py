@@ -1,4 +1,4 @@
-"""What the motion of one bistable actuator depends on. Only stated numbers are data; the rest is one member of a family.
+"""What the motion of one bistable tactor depends on. Only stated numbers are data; the rest is one member of a family.
 
 Position ``x`` runs from 0 (magnet on the off plate) to ``stroke_m`` (on the plate at the skin); voltages and forces are
 positive toward the skin.
@@ -14,7 +14,7 @@ from haptics.units import in_range
 
 @dataclass(frozen=True)
 class LatchParameters(Parameters):
-    """Magnet, coil, plates, stops and skin of one actuator (thesis 3.3 to 3.5).
+    """Magnet, coil, plates, stops and skin of one tactor (thesis 3.3 to 3.5).
 
     ``drag_n_s_m`` is solved for so that on to off takes the 6.000 ms of Fig 3.3; the shape of the plates' and coil's force
     comes from field computations of a magnet between such plates, scaled to the stated holding force and current.
@@ -48,8 +48,8 @@ class LatchParameters(Parameters):
 
 LATCH = LatchParameters()
 RESISTANCE_TOLERANCE_OHM = 0.1
-"""Half-width of the coils' resistance from actuator to actuator (thesis 3.4.3)."""
+"""Half-width of the coils' resistance from tactor to tactor (thesis 3.4.3)."""
 NOMINAL_VOLTS = 5.0
-"""Greatest voltage of the stated drive (thesis 3.4.3)."""
+"""Maximum voltage of the stated drive (thesis 3.4.3)."""
 LONGEST_PULSE_S = 10e-3
 """Longest pulse of the stated drive (thesis 3.4.3)."""

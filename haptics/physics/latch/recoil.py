@@ -1,6 +1,6 @@
 """What the wrist of a TacTiles glove feels when the pin latches off: a decaying envelope of vibration (thesis 3.5.1, Fig 3.3).
 
-Measured on a pendulum of 40 g that carried one actuator, sampled at 3200 Hz, each of 20 switches shifted so that the greatest
+Measured on a pendulum of 40 g that carried one tactor, sampled at 3200 Hz, each of 20 switches shifted so that the maximum
 acceleration falls on 0: ``a(t) = 10 g exp(-t/tau)``, with ``tau`` set by what lies between the magnet and the off plate.
 
 An output model, apart from the flight in ``latch``, for two reasons. Linear drag that gives the 6 ms flight and still switches
@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from haptics.physics.fitted import ROUNDING, refuse_outside
 from haptics.physics.parameters import Parameters, parameter
 from haptics.units import STANDARD_GRAVITY_M_S2, in_range, one_of
 
@@ -38,6 +39,8 @@ class RecoilParameters(Parameters):
     def tau_s(self, surface: str) -> float:
         """Decay time of a surface.
 
+        :param surface: bare, silicone or foam.
+        :return: time constant (s).
         :raises InputError: an unknown surface.
         """
         taus = {"bare": self.tau_bare_s, "silicone": self.tau_silicone_s, "foam": self.tau_foam_s}
@@ -49,10 +52,20 @@ RECOIL = RecoilParameters()
 
 @dataclass(frozen=True)
 class RecoilPrediction:
-    """The recoil of one switch. ``above_tenth_s``: how long it stays above a tenth of its peak.
+    """The recoil of one switch.
 
-    ``times_s`` and ``acceleration_m_s2`` are the envelope at ``sample_rate_hz``, the first sample at the impact. ``valid`` is
-    False with ``reasons`` where the impact is not the one that was measured.
+    :param surface: that the magnet lands on.
+    :param tau_s: decay time (s).
+    :param relative_speed: impact speed over that of a nominal switch.
+    :param peak_g: peak of the envelope (g).
+    :param peak_m_s2: the same (m/s2).
+    :param above_tenth_s: how long it stays above a tenth of its peak (s).
+    :param pendulum_kg: mass that the peak holds for (kg).
+    :param sample_rate_hz: of the samples (Hz).
+    :param times_s: of the samples (s), the first at the impact.
+    :param acceleration_m_s2: the envelope there (m/s2).
+    :param valid: False with ``reasons`` where the impact is not the one that was measured.
+    :param reasons: one sentence each.
     """
 
     surface: str
@@ -70,16 +83,27 @@ class RecoilPrediction:
 
 
 def recoil_m_s2(
-    time_s: float, surface: str = "foam", relative_speed: float = 1.0, parameters: RecoilParameters = RECOIL
+    time_s: float,
+    surface: str = "foam",
+    relative_speed: float = 1.0,
+    parameters: RecoilParameters = RECOIL,
+    *,
+    extrapolate: bool = False,
 ) -> float:
-    """Envelope of the acceleration (m/s2) at ``time_s`` after the impact: ``peak v^n exp(-t/tau)``, 0 before it.
+    """Envelope of the acceleration after the impact: ``peak v^n exp(-t/tau)``, 0 before it (thesis 3.5.1, Fig 3.3).
 
-    :param time_s: from the impact, any finite time. :param surface: bare, silicone or foam.
-    :param relative_speed: impact speed over that of a nominal switch, ``v``, 0 to 10; measured at 1 only.
-    :raises InputError: an unknown surface, or a number outside its range.
+    :param time_s: from the impact (s), any finite time.
+    :param surface: bare, silicone or foam.
+    :param relative_speed: impact speed over that of a nominal switch, ``v``; measured at 1 only.
+    :param parameters: peak and decay.
+    :param extrapolate: True: scale to other speeds, 0 to 10, by the assumed power.
+    :return: acceleration (m/s2) of the 40 g pendulum.
+    :raises InputError: an unknown surface, a number outside its range, or another speed than 1 without ``extrapolate``.
     """
     tau_s = parameters.tau_s(surface)
     in_range("relative_speed", relative_speed, 0.0, 10.0)
+    if not extrapolate:
+        refuse_outside(f"relative_speed = {relative_speed:g}", _outside_measured(relative_speed))
     since_s = in_range("time_s", time_s, -math.inf, math.inf, "s")
     if since_s < 0.0:
         return 0.0
@@ -96,20 +120,21 @@ def predict_recoil(
 ) -> RecoilPrediction:
     """The recoil of one switch, sampled as an accelerometer would from the moment of impact.
 
-    :param length_s: 0 to 1; both ends are sampled if they fall on a sample. :param sample_rate_hz: 1 Hz to 1 MHz.
+    :param surface: bare, silicone or foam.
+    :param relative_speed: impact speed over that of a nominal switch, 0 to 10.
+    :param length_s: of the samples (s), 0 to 1; both ends are sampled if they fall on a sample.
+    :param sample_rate_hz: 1 Hz to 1 MHz.
+    :param parameters: peak and decay.
+    :return: the prediction; not ``valid`` at another speed than 1.
     :raises InputError: as ``recoil_m_s2``, or a length or rate outside its range.
     """
     in_range("length_s", length_s, 0.0, _LONGEST_S, "s")
     in_range("sample_rate_hz", sample_rate_hz, 1.0, 1e6, "Hz")
-    peak = recoil_m_s2(0.0, surface, relative_speed, parameters)
+    peak = recoil_m_s2(0.0, surface, relative_speed, parameters, extrapolate=True)
     tau_s = parameters.tau_s(surface)
     # A length of whole samples must not lose its last one to rounding.
     times_s = tuple(k / sample_rate_hz for k in range(math.floor(length_s * sample_rate_hz * (1 + 1e-12)) + 1))
-    reasons: list[str] = []
-    if relative_speed != 1.0:
-        reasons.append(
-            f"recoil was measured at the nominal impact only; at {relative_speed:g} of its speed it is scaled by assumption"
-        )
+    reasons = _outside_measured(relative_speed)
     return RecoilPrediction(
         surface=surface,
         tau_s=tau_s,
@@ -120,7 +145,14 @@ def predict_recoil(
         pendulum_kg=parameters.pendulum_kg,
         sample_rate_hz=sample_rate_hz,
         times_s=times_s,
-        acceleration_m_s2=tuple(recoil_m_s2(t, surface, relative_speed, parameters) for t in times_s),
+        acceleration_m_s2=tuple(recoil_m_s2(t, surface, relative_speed, parameters, extrapolate=True) for t in times_s),
         valid=not reasons,
-        reasons=tuple(reasons),
+        reasons=reasons,
     )
+
+
+def _outside_measured(relative_speed: float) -> tuple[str, ...]:
+    """What about an impact lies outside what was measured."""
+    if abs(relative_speed - 1.0) <= ROUNDING:
+        return ()
+    return (f"recoil was measured at the nominal impact only; at {relative_speed:g} of its speed it is scaled by assumption",)

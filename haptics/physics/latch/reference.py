@@ -11,9 +11,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import Any, cast
 
 import numpy as np
-from scipy.integrate import solve_ivp
+from scipy.integrate import solve_ivp  # pyright: ignore[reportMissingTypeStubs, reportUnknownVariableType]
 
 from haptics.errors import InputError
 from haptics.physics.latch.parameters import LATCH, LatchParameters
@@ -21,6 +22,7 @@ from haptics.physics.latch.plant import (
     DEEPEST,
     Latched,
     LatchEvent,
+    LatchPlant,
     beyond_stop,
     checked_resistance,
     checked_time,
@@ -37,15 +39,18 @@ _REST_M_S, _REST_M_S2, _REST_A = 1e-6, 1e-2, 1e-7
 _Force = Callable[[float, float, float], float]
 
 
-class ReferenceLatch:
-    """One actuator at level ``reference``; see ``LatchPlant`` for the meaning of every member.
+class ReferenceLatch(LatchPlant):
+    """One tactor at level ``reference``; see ``LatchPlant`` for the meaning of every member.
 
-    :raises InputError: a state it cannot rest in.
+    :param parameters: of the tactor.
+    :param latched: where it rests at first: on or off.
+    :param start_s: time at the start (s).
+    :raises InputError: a state it cannot rest in; here or later, a motion that cannot be solved.
     """
 
     def __init__(self, parameters: LatchParameters = LATCH, latched: Latched = "off", start_s: float = 0.0):
         if latched not in ("on", "off"):
-            raise InputError(f"latched = {latched!r} is not allowed; allowed: on, off (an actuator cannot rest in between)")
+            raise InputError(f"latched = {latched!r} is not allowed; allowed: on, off (a tactor cannot rest in between)")
         self.rise_k = 0.0
         self._p = parameters
         self._events: list[LatchEvent] = []
@@ -88,6 +93,7 @@ class ReferenceLatch:
 
     @property
     def parameters(self) -> LatchParameters:
+        """Of this tactor, the skin as it is now."""
         return self._p
 
     @property
@@ -143,10 +149,10 @@ class ReferenceLatch:
 
         borders = self._borders()
         events = [_crossing(at_m, direction) for _, at_m, direction in borders]
-        solved = solve_ivp(
+        solved = cast(Any, solve_ivp(
             motion, (0.0, _LEG_S), self._state, "DOP853", dense_output=True, events=events,
             rtol=RELATIVE_TOLERANCE, atol=_ABSOLUTE_TOLERANCE, first_step=1e-7,
-        )  # fmt: skip
+        ))  # fmt: skip
         if not solved.success:
             raise InputError(f"the motion of {p} at {volts:g} V cannot be solved: {solved.message}")
         self._leg, self._why = solved.sol, ""
@@ -170,7 +176,7 @@ class ReferenceLatch:
         return borders
 
     def _end_leg(self) -> None:
-        """Take the leg's end as the state, tell what happened there, and go on."""
+        """Take the leg's end as the state, report what happened there, and go on."""
         if self._why == "beyond":
             raise beyond_stop(self._p, self._volts)
         time_s = self._ends_s
@@ -202,7 +208,7 @@ class ReferenceLatch:
         return abs(v) < _REST_M_S and abs(acceleration) < _REST_M_S2 and abs(i - self._volts / self._resistance) < _REST_A
 
     def _rest(self) -> None:
-        """Jump to the equilibrium against the stop, by bisection between the stop and the least depth that it pushes back from.
+        """Jump to the equilibrium against the stop, by bisection between the stop and the minimum depth that it pushes back from.
 
         Strong volts make a second equilibrium further in, from which the pin would go through; it is not the one meant.
         """

@@ -7,7 +7,7 @@ would have.
 Where the table has no answer (a skin under the pin, more than 7 V at nominal resistance, parameters for which a span is too long)
 flight is stepped too: slower, never wrong.
 
-Bounces at a landing are thus neither seen nor told, and position between them is that of rest.
+Bounces at a landing are thus neither seen nor reported, and position between them is that of rest.
 """
 
 from __future__ import annotations
@@ -27,7 +27,15 @@ _SETTLED = 12.0
 
 
 class TableLatch(DynamicLatch):
-    """One actuator at level ``table``; members as ``LatchPlant``, arguments as ``DynamicLatch``."""
+    """One tactor at level ``table``; members as ``LatchPlant``.
+
+    :param parameters: of the tactor.
+    :param latched: where it rests at first: on or off.
+    :param start_s: time at the start (s).
+    :param step_s: of what is stepped (s), 1 us to 1 ms.
+    :param compiled: False: the same lines in plain Python.
+    :raises InputError: a state it cannot rest in, or a step outside its range.
+    """
 
     def __init__(
         self,
@@ -72,9 +80,9 @@ class TableLatch(DynamicLatch):
         )  # fmt: skip
         return super()._step(end, whole, marker) if why == UNTABLED else why
 
-    def _tell(self, why: int) -> None:
+    def _report(self, why: int) -> None:
         time_s, speed = self._origin_s + self._t, self._v
-        super()._tell(why)
+        super()._report(why)
         if why not in (REACHED_ON, REACHED_OFF):
             return
         taken_j = self._energy_j + self._volts * self._charge
@@ -148,7 +156,8 @@ class _Landing:
 def wells(p: LatchParameters) -> tuple[tuple[float, float], tuple[float, float]]:
     """How deep the wells of the off and of the on stop are against the watershed between the plates.
 
-    Of each: work of the plates (J), and of the coil for each ampere (J/A).
+    :param p: of the tactor.
+    :return: of each stop, off then on: work of the plates (J), and of the coil for each ampere (J/A).
     """
     watershed = watershed_m(p)
     return tuple(
@@ -158,12 +167,16 @@ def wells(p: LatchParameters) -> tuple[tuple[float, float], tuple[float, float]]
 
 
 def watershed_m(p: LatchParameters) -> float:
-    """Where the plates' pull turns from off to on, to a sixty-fourth of the stroke; a stop, if it never does."""
+    """Where the plates' pull turns from off to on, to a sixty-fourth of the stroke.
+
+    :param p: of the tactor.
+    :return: position (m); a stop's, if the pull never turns.
+    """
     return min((p.stroke_m * k / 64 for k in range(65)), key=lambda x: _plates_j(p, x))
 
 
 def _plates_j(p: LatchParameters, x: float) -> float:
-    """Integral of the plates' force up to ``x``: least at the watershed, where the force turns from off to on."""
+    """Integral of the plates' force up to ``x``: minimal at the watershed, where the force turns from off to on."""
     d, q = p.plate_length_m, 1.0 - p.plate_power
     if abs(q) < 1e-9:
         return -p.hold_on_n * d * math.log(1.0 + (p.stroke_m - x) / d) - p.hold_off_n * d * math.log(1.0 + x / d)

@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from haptics.physics.fitted import ROUNDING, refuse_outside
 from haptics.physics.latch.parameters import NOMINAL_VOLTS
 from haptics.physics.parameters import Parameters, parameter
 
 FITTED_V = (3.75, 5.5)
-"""Voltages, at nominal resistance, over which the constants are fitted."""
+"""Min and max volts, at nominal resistance, over which the constants are fitted."""
 _FROM = "level dynamic, 3.75 to 5.5 V"
 
 
@@ -17,7 +18,8 @@ _FROM = "level dynamic, 3.75 to 5.5 V"
 class TravelTable(Parameters):
     """Travel and threshold of both directions. ``on``: off to on, toward the skin; ``off``: on to off.
 
-    ``off_leave_fraction`` is the share of the way to off after which the skin is left.
+    Of each direction ``travel`` and ``min`` (the shortest pulse) have a time at 5 V, ``zero_v`` and ``power`` of the form above;
+    below ``min_v`` nothing switches. ``off_leave_fraction`` is the share of the travel to off after which the skin is left.
     """
 
     on_travel_s: float = parameter(4.8561e-3, "s", "identified", _FROM, low=1e-5, high=1.0)
@@ -40,17 +42,54 @@ class TravelTable(Parameters):
     off_impact_m_s: float = parameter(0.663, "m/s", "identified", _FROM, low=0.0, high=100.0)
     off_leave_fraction: float = parameter(0.168, "1", "identified", _FROM, low=0.0, high=1.0)
 
-    def travel_s(self, toward_on: bool, volts: float) -> float:
-        """Travel time under ``volts`` (magnitude, at nominal resistance) that last until arrival; infinite if too weak."""
-        if toward_on:
-            return _scaled(self.on_travel_s, self.on_travel_zero_v, self.on_travel_power, volts, self.on_min_v)
-        return _scaled(self.off_travel_s, self.off_travel_zero_v, self.off_travel_power, volts, self.off_min_v)
+    def travel_s(self, toward_on: bool, volts: float, *, extrapolate: bool = False) -> float:
+        """Travel time under volts that last until arrival.
 
-    def min_s(self, toward_on: bool, volts: float) -> float:
-        """Length of the shortest pulse that switches; infinite if none does."""
+        :param toward_on: True: toward the skin.
+        :param volts: magnitude (V) at nominal resistance, 3.75 to 5.5.
+        :param extrapolate: True: answer for other volts too.
+        :return: time (s) from the pulse's beginning; infinite if the volts are too weak.
+        :raises InputError: volts that switch, outside ``FITTED_V``, without ``extrapolate``.
+        """
         if toward_on:
-            return _scaled(self.on_min_s, self.on_min_zero_v, self.on_min_power, volts, self.on_min_v)
-        return _scaled(self.off_min_s, self.off_min_zero_v, self.off_min_power, volts, self.off_min_v)
+            found_s = _scaled(self.on_travel_s, self.on_travel_zero_v, self.on_travel_power, volts, self.on_min_v)
+        else:
+            found_s = _scaled(self.off_travel_s, self.off_travel_zero_v, self.off_travel_power, volts, self.off_min_v)
+        return found_s if extrapolate else _inside(volts, found_s)
+
+    def min_s(self, toward_on: bool, volts: float, *, extrapolate: bool = False) -> float:
+        """Length of the shortest pulse that switches.
+
+        :param toward_on: as ``travel_s``.
+        :param volts: as ``travel_s``.
+        :param extrapolate: as ``travel_s``.
+        :return: length (s); infinite if no pulse switches.
+        :raises InputError: as ``travel_s``.
+        """
+        if toward_on:
+            found_s = _scaled(self.on_min_s, self.on_min_zero_v, self.on_min_power, volts, self.on_min_v)
+        else:
+            found_s = _scaled(self.off_min_s, self.off_min_zero_v, self.off_min_power, volts, self.off_min_v)
+        return found_s if extrapolate else _inside(volts, found_s)
+
+
+def outside_fit(volts: float) -> tuple[str, ...]:
+    """What about a voltage lies outside ``FITTED_V``.
+
+    :param volts: magnitude (V) at nominal resistance.
+    :return: a sentence, or nothing inside the fit.
+    """
+    low, high = FITTED_V
+    if low * (1.0 - ROUNDING) <= volts <= high * (1.0 + ROUNDING):
+        return ()
+    return (f"{volts:.3g} V at nominal resistance is outside the {low:g} to {high:g} V that level event is fitted over",)
+
+
+def _inside(volts: float, time_s: float) -> float:
+    # That nothing switches is known of weak volts too: the threshold is asked of the equation of motion.
+    if math.isfinite(time_s):
+        refuse_outside(f"volts = {volts:g} V", outside_fit(volts))
+    return time_s
 
 
 def _scaled(at_nominal_s: float, zero_v: float, power: float, volts: float, min_v: float) -> float:

@@ -1,1 +1,1 @@
-"""Heat of an actuator: one node or two, for single pulses and for trains (thesis 3.5.2)."""
+"""Heat of a tactor: one node or two, for single pulses and for trains (thesis 3.5.2)."""

@@ -1,4 +1,4 @@
-"""Heat of one actuator: a first-order body warmed by switching.
+"""Heat of one tactor: a first-order body warmed by switching.
 
 ``rise' = (c P - rise) / tau`` with ``rise`` (K) above the room, ``P`` (W) electrical power, ``c`` (K/W), ``tau`` (s)
 (thesis 3.5.2). One switch is short against ``tau`` and counts as a jump of ``E c / tau``. Advancing is exact at any step, so
@@ -19,7 +19,7 @@ from haptics.units import in_range
 
 @dataclass(frozen=True)
 class ThermalParameters(Parameters):
-    """First-order heating of one actuator on a glove."""
+    """First-order heating of one tactor on a glove."""
 
     tau_s: float = parameter(102.0, "s", "stated", "thesis 3.5.2, +- 5 s", low=1e-3, high=1e6)
     c_k_per_w: float = parameter(69.0, "K/W", "stated", "thesis 3.5.2, +- 10 K/W", low=1e-6, high=1e6)
@@ -31,10 +31,12 @@ THERMAL = ThermalParameters()
 PULSE_POWER_W = 18.0
 """Power of a coil that is on (thesis 3.4.3: 5 V, 3.6 A)."""
 WORST_PULSE_POWER_W = NOMINAL_VOLTS**2 / (LATCH.resistance_ohm - RESISTANCE_TOLERANCE_OHM)
-"""Most that a cold coil within the stated tolerance takes: 19.5 W at 5 V and 1.28 ohm (thesis 3.4.3)."""
+"""Maximum that a cold coil within the stated tolerance takes: 19.5 W at 5 V and 1.28 ohm (thesis 3.4.3)."""
 PULSE_S = 10e-3
 """Longest pulse, and the one the thesis' heat figures assume (3.4.3)."""
 PULSE_ENERGY_J = PULSE_POWER_W * PULSE_S
+MEASURED_RISE_K = 25.0
+"""Heating was measured up to here: six minutes at 2 Hz (thesis 3.5.2, Fig 3.4)."""
 DEFAULT_LIMIT_K = 25.0
 """Assumed limit of the rise: what the thesis calls safe at 120 switches a minute (3.5.2). A setting everywhere."""
 
@@ -47,15 +49,17 @@ def relax(rise_k: float, power_w: float, dt_s: float, parameters: ThermalParamet
     precision; the arithmetic is float64.
 
     :param rise_k: rise now (K above the room); may be negative just after the room warmed.
-    :param power_w: mean power over the step, >= 0.
-    :param dt_s: step, >= 0. A clock that stepped back is the caller's fault to count; it must not cool the device.
+    :param power_w: mean power over the step (W), 0 or more.
+    :param dt_s: step (s), 0 or more. A clock that stepped back is the caller's fault to count; it must not cool the device.
+    :param parameters: of the body.
+    :return: rise after the step (K).
     :raises InputError: a negative step or power, anything not finite, or a rise of less than double precision.
     """
     in_s = in_range("dt_s", dt_s, 0.0, math.inf, "s")
     in_w = in_range("power_w", power_w, 0.0, math.inf, "W")
     dtype = getattr(rise_k, "dtype", None)
     if dtype is not None and dtype.kind == "f" and dtype.itemsize < 8:
-        raise InputError(f"rise_k is {dtype}; allowed: float64, for small steps vanish in anything coarser")
+        raise InputError(f"rise_k is {dtype}; expected float64: small steps vanish in anything coarser")
     return _relaxed(in_range("rise_k", rise_k, -math.inf, math.inf, "K"), parameters.c_k_per_w * in_w, in_s, parameters.tau_s)
 
 
@@ -72,6 +76,10 @@ def bounding(c_k_per_w: float, tau_low_s: float, tau_high_s: float) -> ThermalPa
     none of them negative, so the bound holds for any pulses in any order (``docs/explanation/heat.md``). With ``a = b`` it is
     the body itself.
 
+    :param c_k_per_w: maximum steady rise over power (K/W).
+    :param tau_low_s: minimum time constant (s), 1 ms or more.
+    :param tau_high_s: maximum time constant (s).
+    :return: parameters of the bounding body.
     :raises InputError: a value that no body can have, or ``tau_low_s`` above ``tau_high_s``.
     """
     in_range("tau_low_s", tau_low_s, 1e-3, tau_high_s, "s")
@@ -81,6 +89,9 @@ def bounding(c_k_per_w: float, tau_low_s: float, tau_high_s: float) -> ThermalPa
 def pulse_rise_k(energy_j: float = PULSE_ENERGY_J, parameters: ThermalParameters = THERMAL) -> float:
     """Jump in rise of one short pulse, ``E c / tau``: 0.1218 K for the 0.18 J of a 10 ms switch at 18 W.
 
+    :param energy_j: of the pulse (J), 0 or more.
+    :param parameters: of the body.
+    :return: jump (K).
     :raises InputError: ``energy_j`` negative or not finite.
     """
     return in_range("energy_j", energy_j, 0.0, math.inf, "J") * parameters.c_k_per_w / parameters.tau_s
@@ -92,8 +103,11 @@ def burst_energy_j(burst_s: float, frequency_hz: float, cycle_on_s: float = 5e-3
     A cycle is 2 ms toward the skin and 3 ms back (thesis 3.4.5), so at 200 Hz the coil is on all the time and a 50 ms
     burst holds 0.9 J.
 
-    :param burst_s: length of the burst, >= 0. :param frequency_hz: cycles a second, >= 0.
-    :param cycle_on_s: time in each cycle that the coil is on.
+    :param burst_s: length of the burst (s), 0 or more.
+    :param frequency_hz: cycles a second (Hz), 0 or more.
+    :param cycle_on_s: time in each cycle that the coil is on (s).
+    :param power_w: of a coil that is on (W), 0 or more.
+    :return: energy (J).
     :raises InputError: anything negative or not finite.
     """
     in_range("burst_s", burst_s, 0.0, math.inf, "s")

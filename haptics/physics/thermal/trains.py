@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 from haptics.errors import InputError
 from haptics.physics.thermal.one_node import (
+    MEASURED_RISE_K,
     PULSE_POWER_W,
     PULSE_S,
     THERMAL,
@@ -24,7 +25,7 @@ from haptics.physics.thermal.one_node import (
 from haptics.units import in_range
 
 MINUTES_MAX = 10_080.0
-"""A week: admission is walked run by run, and nothing about an actuator changes after a few time constants."""
+"""A week: admission is walked run by run, and nothing about a tactor changes after a few time constants."""
 GUARD = 1e-12
 """Relative slack on a limit: rounding in the closed forms is below it, any physical meaning far above."""
 
@@ -33,12 +34,25 @@ GUARD = 1e-12
 class TrainPrediction:
     """What a periodic train does to the rise.
 
-    ``mean_rise_k``, ``peak_rise_k``, ``trough_rise_k`` describe the train as asked, every pulse played: over one period in
-    steady state or, if ``after_s`` was given, over the period that is under way then (that of the last pulse at or before
-    ``after_s``). ``first_denied_index`` (from 0), ``first_denied_s`` and ``admitted`` describe the same train under
-    ``limit_k``, and are None where no limit was given, or none is denied; ``admitted`` counts pulses at or before
-    ``after_s`` and is None without it. ``max_rate_per_min`` is the fastest endless train under the limit: the least
-    sustainable spacing, as a rate.
+    Mean, peak and trough describe the train as asked, every pulse played: over one period in steady state or, if ``after_s`` was
+    given, over the period that is under way then (that of the last pulse at or before ``after_s``). Denied and admitted pulses
+    are those of the same train under ``limit_k``.
+
+    :param energy_j: of a pulse (J).
+    :param jump_k: rise that a pulse adds (K).
+    :param spacing_s: from pulse to pulse (s).
+    :param mean_power_w: of the train as asked (W).
+    :param mean_rise_k: over the period (K).
+    :param peak_rise_k: after a pulse (K).
+    :param trough_rise_k: before the next (K).
+    :param after_s: time that was asked for (s), None: for ever.
+    :param asked: pulses at or before ``after_s``, None without it.
+    :param limit_k: limit that was given (K), or None.
+    :param first_denied_index: of the first pulse denied, from 0; None without a limit, or where none is denied.
+    :param first_denied_s: its time (s).
+    :param admitted: pulses admitted at or before ``after_s``, None without it or a limit.
+    :param max_rate_per_min: fastest endless train under the limit (1/min): the minimum sustainable spacing, as a rate.
+    :param extrapolated: what is hotter than was measured, in a sentence; empty if nothing is.
     """
 
     energy_j: float
@@ -55,6 +69,7 @@ class TrainPrediction:
     first_denied_s: float | None
     admitted: int | None
     max_rate_per_min: float | None
+    extrapolated: tuple[str, ...]
 
 
 def predict_thermal(
@@ -70,12 +85,19 @@ def predict_thermal(
     start_rise_k: float = 0.0,
     parameters: ThermalParameters = THERMAL,
 ) -> TrainPrediction:
-    """What a train of switches at ``rate_per_min``, or of bursts ``every_s``, does to one actuator (thesis 3.5.2).
+    """What a train of switches at ``rate_per_min``, or of bursts ``every_s``, does to one tactor (thesis 3.5.2).
 
     :param rate_per_min: switches a minute, each of ``power_w * pulse_s``; or None, and ``burst_s`` with ``every_s`` given.
-    :param burst_s: length of each burst; its energy is ``burst_energy_j(burst_s, burst_hz)``.
-    :param limit_k: limit of the rise for admission, > 0.
-    :param minutes: rise and counts after this time (at most a week), not for ever.
+    :param pulse_s: coil time of a switch (s), at most the spacing.
+    :param limit_k: limit of the rise for admission (K), more than 0.
+    :param minutes: rise and counts after this time (min), at most a week; for ever if None.
+    :param burst_s: length of each burst (s); its energy is ``burst_energy_j(burst_s, burst_hz)``.
+    :param burst_hz: cycles a second within a burst (Hz).
+    :param every_s: from burst to burst (s), at least ``burst_s``.
+    :param power_w: of a coil that is on (W).
+    :param start_rise_k: rise at first (K).
+    :param parameters: of the body.
+    :return: the prediction.
     :raises InputError: neither or both kinds of train, or a number outside its range.
     """
     bursts = None if burst_s is None or every_s is None else (burst_s, every_s)
@@ -116,6 +138,7 @@ def predict_thermal(
         first_denied_s=None if denied is None else denied * spacing_s,
         admitted=admitted,
         max_rate_per_min=fastest,
+        extrapolated=_outside_measured(peak_k),
     )
 
 
@@ -126,10 +149,16 @@ def train_rise_k(
     start_rise_k: float = 0.0,
     parameters: ThermalParameters = THERMAL,
 ) -> tuple[float, float, float]:
-    """Peak, mean and trough over the period that begins with pulse ``index`` (steady state if None), every pulse played.
+    """Peak, mean and trough over the period that begins with a pulse, every pulse played.
 
     Peak is right after the jump, trough right before the next; the mean is exact: ``(peak - trough) tau / spacing``.
 
+    :param jump_k: rise that a pulse adds (K), 0 or more.
+    :param spacing_s: from pulse to pulse (s), more than 0.
+    :param index: of the pulse, from 0; None: steady state.
+    :param start_rise_k: rise at first (K).
+    :param parameters: of the body.
+    :return: peak, mean and trough (K).
     :raises InputError: a negative jump or index, or a spacing that is not positive.
     """
     q = _decay(jump_k, spacing_s, parameters)
@@ -149,9 +178,17 @@ def first_denied_index(
     start_rise_k: float = 0.0,
     parameters: ThermalParameters = THERMAL,
 ) -> int | None:
-    """Index of the first pulse of a periodic train that the limit denies, or None if it never denies one.
+    """Index of the first pulse of a periodic train that the limit denies: how many switches are allowed at that spacing.
 
-    This is also how many switches are allowed at that spacing. Closed form, then settled by one comparison each side.
+    Closed form, then settled by one comparison each side.
+
+    :param jump_k: rise that a pulse adds (K), 0 or more.
+    :param spacing_s: from pulse to pulse (s), more than 0.
+    :param limit_k: limit of the rise right after a pulse (K).
+    :param start_rise_k: rise at first (K).
+    :param parameters: of the body.
+    :return: index from 0, or None if the limit never denies one.
+    :raises InputError: a negative jump, or a spacing that is not positive.
     """
     q = _decay(jump_k, spacing_s, parameters)
     within_k = limit_k * (1 + GUARD)
@@ -180,10 +217,19 @@ def admitted_of(
     start_rise_k: float = 0.0,
     parameters: ThermalParameters = THERMAL,
 ) -> int:
-    """How many of the first ``asked`` pulses of a periodic train the limit admits, the denied ones dropped.
+    """How many pulses of a periodic train the limit admits, the denied ones dropped.
 
     After the first denial the pattern is a chain of runs (admitted in a row, then dropped in a row), so the count goes run
     by run in closed form, not pulse by pulse.
+
+    :param asked: pulses of the train, 0 or more.
+    :param jump_k: rise that a pulse adds (K), 0 or more.
+    :param spacing_s: from pulse to pulse (s), more than 0.
+    :param limit_k: limit of the rise right after a pulse (K).
+    :param start_rise_k: rise at first (K).
+    :param parameters: of the body.
+    :return: number of pulses.
+    :raises InputError: a negative jump, or a spacing that is not positive.
     """
     q = _decay(jump_k, spacing_s, parameters)
     within_k = limit_k * (1 + GUARD)
@@ -203,6 +249,10 @@ def admitted_of(
 def allowed_now(rise_k: float, jump_k: float, limit_k: float) -> int:
     """Pulses allowed at once, back to back: ``floor((limit - rise) / jump)``, never negative.
 
+    :param rise_k: rise now (K).
+    :param jump_k: rise that a pulse adds (K), more than 0.
+    :param limit_k: limit of the rise (K).
+    :return: number of pulses.
     :raises InputError: ``jump_k`` not positive.
     """
     in_range("jump_k", jump_k, 1e-300, math.inf, "K")
@@ -210,9 +260,13 @@ def allowed_now(rise_k: float, jump_k: float, limit_k: float) -> int:
 
 
 def min_spacing_s(jump_k: float, limit_k: float, parameters: ThermalParameters = THERMAL) -> float:
-    """Least spacing an endless train may have: ``J / (1 - exp(-s/tau)) = limit``, so ``s = -tau ln(1 - J/limit)``.
+    """Minimum spacing of an endless train: ``J / (1 - exp(-s/tau)) = limit``, so ``s = -tau ln(1 - J/limit)``.
 
-    Infinite if one pulse alone passes the limit.
+    :param jump_k: rise that a pulse adds (K), 0 or more.
+    :param limit_k: limit of the rise (K), more than 0.
+    :param parameters: of the body.
+    :return: spacing (s); infinite if one pulse alone passes the limit.
+    :raises InputError: a number outside its range.
     """
     in_range("jump_k", jump_k, 0.0, math.inf, "K")
     in_range("limit_k", limit_k, 1e-12, math.inf, "K")
@@ -222,9 +276,16 @@ def min_spacing_s(jump_k: float, limit_k: float, parameters: ThermalParameters =
 
 
 def wait_s(rise_k: float, count: int, jump_k: float, limit_k: float, parameters: ThermalParameters = THERMAL) -> float:
-    """Time to wait until ``count`` pulses are allowed at once: ``tau ln(rise / (limit - count J))``, 0 if they are now.
+    """Time to wait until pulses are allowed at once: ``tau ln(rise / (limit - count J))``.
 
-    Infinite if they never are (``count * jump`` above the limit, or equal to it with any rise left).
+    :param rise_k: rise now (K).
+    :param count: pulses, 0 or more.
+    :param jump_k: rise that a pulse adds (K).
+    :param limit_k: limit of the rise (K).
+    :param parameters: of the body.
+    :return: time (s); 0 if they are allowed now, infinite if they never are (``count * jump`` above the limit, or equal to it
+        with any rise left).
+    :raises InputError: a negative count.
     """
     in_range("count", count, 0, math.inf)
     room_k = limit_k * (1 + GUARD) - count * jump_k
@@ -233,6 +294,13 @@ def wait_s(rise_k: float, count: int, jump_k: float, limit_k: float, parameters:
     if room_k <= limit_k * 2 * GUARD:
         return math.inf
     return parameters.tau_s * math.log(rise_k / room_k)
+
+
+def _outside_measured(rise_k: float) -> tuple[str, ...]:
+    """What about a rise lies outside what was measured."""
+    if rise_k <= MEASURED_RISE_K:
+        return ()
+    return (f"a rise of {rise_k:.4g} K is above the {MEASURED_RISE_K:g} K up to which heating was measured",)
 
 
 def _decay(jump_k: float, spacing_s: float, parameters: ThermalParameters) -> float:

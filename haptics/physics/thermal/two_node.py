@@ -1,4 +1,4 @@
-"""Coil and body of one actuator as two thermal nodes, for what one node cannot show: a coil that stays on.
+"""Coil and body of one tactor as two thermal nodes, for what one node cannot show: a coil that stays on.
 
 ::
 
@@ -15,8 +15,8 @@ constant: under power that varies slowly the body is the one node of ``thermal``
 delay; what is left is of second order, ``t1 t2`` over the square of the time scale (at most 1.1 K of the 25 K of the
 published run, a quarter of a minute after it begins).
 
-The two nodes cannot be told from the published curve. Its time constant is known to 5 s; a fit with noise that leaves that
-much gains less than 2 in chi squared from the second node. Quieter readings of a single actuator could tell (0.5 K each
+The two nodes cannot be distinguished on the published curve. Its time constant is known to 5 s; a fit with noise that leaves that
+much gains less than 2 in chi squared from the second node. Quieter readings of a single tactor could (0.5 K each
 second would), and so ``C_c`` and ``G`` are assumptions to be measured. The curve was heated by switching, with whatever the warm
 coil's greater resistance took off: ``c`` holds that already. Power that falls as the coil warms at fixed volts is left out,
 because the network would no longer be linear and no step of it exact; power computed cold is the upper bound.
@@ -34,10 +34,10 @@ from haptics.units import in_range
 
 @dataclass(frozen=True)
 class TwoNodeParameters(Parameters):
-    """Coil and body of one actuator (thesis 3.5.2 for the body).
+    """Coil and body of one tactor (thesis 3.5.2 for the body).
 
     ``coil_j_per_k``: the coil's 1.38 ohm in tracks of 220 um by six layers of 105 and two of 75 um (thesis 3.4.3) are 0.32 g of
-    the actuator's 1.8 g, however many boards share them; at 385 J/(kg K) 0.125 J/K. ``coupling_w_per_k``: boards held by dry
+    the tactor's 1.8 g, however many boards share them; at 385 J/(kg K) 0.125 J/K. ``coupling_w_per_k``: boards held by dry
     pressure over a footprint of 8 x 9.5 mm, 240 W/(m2 K).
 
     :raises InputError: a value outside its range, or a coil so large or so loosely coupled that no body is left:
@@ -72,7 +72,9 @@ _SERIES_BELOW = 0.5
 class TwoNodeHeat:
     """A coil and its body, advanced exactly at any step in closed form (see ``propagate``). State is float64 throughout.
 
-    :param rise_k: the body's rise at the start (K). :param coil_rise_k: the coil's; the body's if None.
+    :param parameters: of the network.
+    :param rise_k: the body's rise at the start (K).
+    :param coil_rise_k: the coil's (K); the body's if None.
     :raises InputError: a rise that is not finite.
     """
 
@@ -83,8 +85,10 @@ class TwoNodeHeat:
         self._network = network(parameters)
 
     def advance(self, dt_s: float, power_w: float) -> None:
-        """Carry both nodes over ``dt_s`` (s, >= 0) at constant power ``power_w`` (W, >= 0); any step is exact.
+        """Carry both nodes over a step at constant power; any step is exact.
 
+        :param dt_s: step (s), 0 or more.
+        :param power_w: mean power over the step (W), 0 or more.
         :raises InputError: a negative step or power, or anything not finite; the rises then stay as they were, so that a clock
             which stepped back cannot cool the coil.
         """
@@ -94,26 +98,33 @@ class TwoNodeHeat:
 
     @property
     def rise_k(self) -> float:
-        """The body's rise above the room: what a thermocouple on the actuator reads."""
+        """The body's rise above the room (K): what a thermocouple on the tactor reads."""
         return self._body_k
 
     @property
     def coil_rise_k(self) -> float:
-        """The copper's rise above the room."""
+        """The copper's rise above the room (K)."""
         return self._coil_k
 
 
 def time_constants_s(parameters: TwoNodeParameters = TWO_NODE) -> tuple[float, float]:
-    """The slow and the fast time constant of the body (s): real and distinct in every passive network; their sum is ``tau``."""
+    """The slow and the fast time constant of the body: real and distinct in every passive network; their sum is ``tau``.
+
+    :param parameters: of the network.
+    :return: slow and fast (s).
+    """
     made = network(parameters)
     return 1.0 / made[5], 1.0 / made[4]
 
 
 def network(p: TwoNodeParameters) -> tuple[float, ...]:
-    """What ``propagate`` needs: ``(C_c, C_b, G, 1/c, f, s, f - x, f - y)``, decay rates ``f > s`` (1/s).
+    """What ``propagate`` needs.
 
     The rates are the roots of ``r^2 - (x + y) r + (x y - z) = 0``, with ``x = G/C_c``, ``y = (G + 1/c)/C_b`` and
     ``z = G^2/(C_c C_b)``.
+
+    :param p: of the network.
+    :return: ``(C_c, C_b, G, 1/c, f, s, f - x, f - y)``, SI, with decay rates ``f > s`` (1/s).
     """
     coil, body, coupling, loss = p.coil_j_per_k, p.body_j_per_k, p.coupling_w_per_k, 1.0 / p.c_k_per_w
     x, y, z = coupling / coil, (coupling + loss) / body, coupling * coupling / (coil * body)
@@ -145,6 +156,20 @@ def propagate(
     ``M = p_f I + D (A + f I)`` (Newton's form of a function of a 2x2 matrix), ``p_r = -expm1(-r dt)/r``,
     ``D = (p_s - p_f)/(f - s)``, ``f`` and ``s`` the fast and slow rate (1/s). Every entry is a sum of positive terms, so that a
     step of any length costs no more digits than the state has. Plain numbers and unchecked, so that numba can compile it.
+
+    :param coil_k: the coil's rise now (K).
+    :param body_k: the body's rise now (K).
+    :param power_w: into the coil (W).
+    :param dt_s: step (s), 0 or more.
+    :param coil: ``C_c`` (J/K).
+    :param body: ``C_b`` (J/K).
+    :param coupling: ``G`` (W/K).
+    :param loss: ``1/c`` (W/K).
+    :param fast: ``f`` (1/s).
+    :param slow: ``s`` (1/s).
+    :param above_coil: ``f - x`` (1/s), see ``network``.
+    :param above_body: ``f - y`` (1/s).
+    :return: rises of coil and body after the step (K).
     """
     p_fast = -math.expm1(-fast * dt_s) / fast
     if fast * dt_s > _SERIES_BELOW:

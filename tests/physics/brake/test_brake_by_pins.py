@@ -73,7 +73,7 @@ def test_pins_at_the_same_edges_give_the_same_volts_charge_and_energy(sequence):
 def test_pins_at_the_same_edges_give_the_same_forces_at_every_level(level, pulled):
     system = BrakeSystem(laws=(default_law("index"), default_law("thumb")))
     a, b = brake_plant(level, system), brake_plant(level, system)
-    told: list[list] = [[], []]
+    seen: list[list] = [[], []]
     for plant in (a, b) if pulled else ():
         plant.move(0, 0.0, 0.0, 0.1)
     for at_s, mask, volts, frequency_hz in [
@@ -89,11 +89,11 @@ def test_pins_at_the_same_edges_give_the_same_forces_at_every_level(level, pulle
             together(a, b, a.stage, at_s + 0.01 * k)
             for name in ("capacity_n", "tension_n", "slip_m", "finger_m"):
                 assert getattr(b, name) == pytest.approx(getattr(a, name), rel=ROUNDING if pulled else HELD, abs=1e-12)
-        for plant, events in zip((a, b), told, strict=True):
+        for plant, events in zip((a, b), seen, strict=True):
             events += [(event.output, event.kind, round(event.time_s, 9)) for event in plant.take_events()]
     assert (max(a.slip_m) > 0.0) == pulled
-    assert told[0] == told[1]
-    assert [kind for _, kind, _ in told[0]].count("half_capacity") >= 2
+    assert seen[0] == seen[1]
+    assert [kind for _, kind, _ in seen[0]].count("half_capacity") >= 2
 
 
 def test_the_static_level_takes_the_frequency_from_the_edges():

@@ -90,10 +90,10 @@ def test_a_bleeder_the_supply_cannot_feed_is_never_overcome():
 
 def test_power_of_equation_44_and_of_the_supply_at_20_hertz():
     assert eq44_power_w(1500.0, 20.0, C) == pytest.approx(57.3e-3, abs=0.05e-3)
-    least = C * 1500**2 * 20
-    assert supply_power_w(1500.0, 20.0, C, BARE) == pytest.approx(least, rel=1e-3)
-    assert supply_power_w(1500.0, 20.0, C, BARE, "direct") == pytest.approx(4 * least, rel=1e-3)
-    assert supply_power_w(1500.0, 20.0, C) > least
+    minimum_w = C * 1500**2 * 20
+    assert supply_power_w(1500.0, 20.0, C, BARE) == pytest.approx(minimum_w, rel=1e-3)
+    assert supply_power_w(1500.0, 20.0, C, BARE, "direct") == pytest.approx(4 * minimum_w, rel=1e-3)
+    assert supply_power_w(1500.0, 20.0, C) > minimum_w
 
 
 @pytest.mark.parametrize(("reversal", "charges"), [("clamped", 2), ("direct", 4)])

@@ -1,4 +1,4 @@
-"""Fits of the force laws against other ways of fitting, and what leaving points out should give."""
+"""Fits of the force laws against other methods of fitting, and what leaving points out should give."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def ideal_design(volts):
     return (ER * E0 * AREA_M2 * volts**2 / (2 * GAP_M**2))[:, None]
 
 
-# Other ways of fitting
+# Other methods of fitting
 
 
 @FINGER
@@ -76,12 +76,12 @@ def test_the_closing_gap_fit_is_the_bottom_of_a_brute_force_grid(finger):
         return 0.2 * ER * E0 * AREA_M2 * volts**2 / (2 * GAP_M**2) / (1 + open_m * ER / GAP_M) ** 2 + OFF_N
 
     low, high = np.log([2e-7, 1e3]), np.log([2e-5, 1e5])
-    for _ in range(12):  # each time the cells around the least one, in logarithms, from two decades down to a millionth
+    for _ in range(12):  # each time the cells around the best one, in logarithms, from two decades down to a millionth
         axes = [np.linspace(a, b, 41) for a, b in zip(low, high, strict=True)]
-        least = min(itertools.product(*axes), key=lambda at: float(np.sum(((law_n(*np.exp(at)) - forces) / sd) ** 2)))
+        best = min(itertools.product(*axes), key=lambda at: float(np.sum(((law_n(*np.exp(at)) - forces) / sd) ** 2)))
         half = (high - low) / 8
-        low, high = np.array(least) - half, np.array(least) + half
-    gap_m, pressure_pa = np.exp(least)
+        low, high = np.array(best) - half, np.array(best) + half
+    gap_m, pressure_pa = np.exp(best)
     fitted = fit_closing_gap(PUBLISHED_POINTS[finger])
     assert fitted.values == pytest.approx((gap_m, pressure_pa), rel=1e-5)
     # Covariance by the slopes of this law at that point.
@@ -116,9 +116,9 @@ def test_a_left_out_point_of_a_linear_law_is_missed_by_its_residual_over_one_les
     volts, forces, sd = columns("index")
     values, _, leverage = linear_fit(design(volts), forces - off_n, sd)
     misses = (design(volts) @ values + off_n - forces) / (1 - leverage)
-    told = leave_one_out(law, PUBLISHED_POINTS["index"])
-    assert [one.error_n for one in told] == pytest.approx(misses, rel=1e-5)
-    for i, one in enumerate(told):
+    predicted = leave_one_out(law, PUBLISHED_POINTS["index"])
+    assert [one.error_n for one in predicted] == pytest.approx(misses, rel=1e-5)
+    for i, one in enumerate(predicted):
         rest = np.arange(volts.size) != i
         _, without, _ = linear_fit(design(volts)[rest], forces[rest] - off_n, sd[rest])
         row = design(volts)[i]

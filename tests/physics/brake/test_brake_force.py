@@ -8,7 +8,7 @@ from hypothesis import given, strategies as st
 
 from haptics.errors import InputError
 from haptics.physics.brake import force_laws as brake_force
-from haptics.physics.brake.fit import PUBLISHED_POINTS, fit_closing_gap, fit_ideal, fit_threshold
+from haptics.physics.brake.fit import FITS, PUBLISHED_POINTS, fit_closing_gap, fit_ideal, fit_threshold
 from haptics.physics.brake.force_laws import FINGERS, LAWS, IdealLaw, ThresholdLaw, default_law, force_law
 from haptics.physics.brake.parameters import BRAKE, capacitance_f, compression_n, overlap_sensitivity_f_per_m
 
@@ -76,39 +76,71 @@ def test_too_few_points_are_refused():
 )
 def test_volts_for_is_the_inverse(law, force_n, overlap_m2, thickness_m, permittivity, strips):
     geometry = (overlap_m2, thickness_m, permittivity, strips)
-    assert law.force_n(law.volts_for(force_n, *geometry), *geometry) == pytest.approx(force_n, rel=1e-9)
+    volts = law.volts_for(force_n, *geometry, extrapolate=True)
+    assert law.force_n(volts, *geometry, extrapolate=True) == pytest.approx(force_n, rel=1e-9)
 
 
 @pytest.mark.parametrize("law", EVERY_LAW, ids=lambda law: law.name)
 @given(volts=st.floats(0, 3000), more=st.floats(1, 500))
 def test_force_never_falls_with_voltage_and_ignores_its_sign(law, volts, more):
-    assert law.force_n(volts + more) >= law.force_n(volts)
-    assert law.force_n(-volts) == law.force_n(volts)
+    at_n = law.force_n(volts, extrapolate=True)
+    assert law.force_n(volts + more, extrapolate=True) >= at_n == law.force_n(-volts, extrapolate=True)
 
 
 @pytest.mark.parametrize("law", EVERY_LAW, ids=lambda law: law.name)
 def test_force_scales_with_strips_and_overlap(law):
     off = law.force_n(0.0)
-    one = law.force_n(900.0) - off
-    assert law.force_n(900.0, strips=3) - off == pytest.approx(3 * one, rel=1e-12)
-    assert law.force_n(900.0, overlap_m2=5.5e-4) - off == pytest.approx(one / 2, rel=1e-12)
-    assert law.force_n(900.0, overlap_m2=0.0) == off
+    one = law.force_n(800.0) - off
+    assert law.force_n(800.0, strips=3) - off == pytest.approx(3 * one, rel=1e-12)
+    assert law.force_n(800.0, overlap_m2=5.5e-4) - off == pytest.approx(one / 2, rel=1e-12)
+    assert law.force_n(800.0, overlap_m2=0.0) == off
 
 
 @pytest.mark.parametrize("law", EVERY_LAW, ids=lambda law: law.name)
 def test_the_same_field_presses_the_same(law):
     # Twice the thickness at twice the voltage: the electrostatic pressure is the same, and so is what a threshold takes of it.
+    thick_n, thin_n = law.force_n(1500.0, thickness_m=26e-6, extrapolate=True), law.force_n(750.0)
     if law.name != "closing_gap":
-        assert law.force_n(1800.0, thickness_m=26e-6) == pytest.approx(law.force_n(900.0), rel=1e-12)
+        assert thick_n == pytest.approx(thin_n, rel=1e-12)
     else:  # an air gap costs a thick dielectric less
-        assert law.force_n(1800.0, thickness_m=26e-6) > law.force_n(900.0)
+        assert thick_n > thin_n
 
 
 @pytest.mark.parametrize("name", ["ideal", "threshold"])
 def test_the_same_pressure_holds_the_same_whatever_the_dielectric(name):
     # Pressure goes with e_r V^2: twice the permittivity at 1/sqrt(2) of the voltage, near the threshold where it matters.
     law = force_law("index", name)
-    assert law.force_n(200.0 / math.sqrt(2.0), permittivity=6.8) == pytest.approx(law.force_n(200.0), rel=1e-12)
+    assert law.force_n(200.0 / math.sqrt(2.0), permittivity=6.8, extrapolate=True) == pytest.approx(law.force_n(200.0), rel=1e-12)
+
+
+@pytest.mark.parametrize("law", EVERY_LAW, ids=lambda law: law.name)
+def test_a_law_refuses_what_it_was_not_fitted_for(law):
+    to_v = law.fitted_to_v
+    beyond = rf"volts = -?{2 * to_v:g} V.* is above the {to_v:g} V up to which law {law.name} was fitted.*extrapolate=True"
+    for ask in (law.force_n, law.force_sd_n):
+        ask(to_v)
+        ask(-to_v)
+        with pytest.raises(InputError, match=beyond):
+            ask(2.0 * to_v)
+        with pytest.raises(InputError, match=beyond):
+            ask(-2.0 * to_v)
+        with pytest.raises(InputError, match=r"thickness of 26 um is not the 13 um"):
+            ask(100.0, thickness_m=26e-6)
+        with pytest.raises(InputError, match=r"permittivity of 10 is not the 3\.4"):
+            ask(100.0, permittivity=10.0)
+    assert law.force_n(2.0 * to_v, extrapolate=True) > law.force_n(to_v)
+    with pytest.raises(InputError, match=r"force_n = 200 N.*is above the"):
+        law.volts_for(200.0)
+    assert law.volts_for(200.0, extrapolate=True) > to_v
+    assert law.outside(to_v) == ()
+    assert len(law.outside(2.0 * to_v, 26e-6, 10.0)) == 3
+
+
+def test_each_finger_is_fitted_up_to_its_last_published_point():
+    for finger, points in PUBLISHED_POINTS.items():
+        for law in ("threshold", "closing_gap"):
+            assert force_law(finger, law).fitted_to_v == max(volts for volts, _ in points)
+            assert FITS[law](points).law.fitted_to_v == max(volts for volts, _ in points)
 
 
 def test_threshold_law_below_its_threshold_holds_what_it_holds_when_off():

@@ -55,16 +55,16 @@ def test_a_full_pulse_costs_about_180_millijoule(level, direction):
 @pytest.mark.parametrize("level", LEVELS)
 @pytest.mark.parametrize("direction", DIRECTIONS)
 def test_the_least_pulse_divides_those_that_switch_from_those_that_fall_back(level, direction):
-    least = min_pulse_s(5.0, direction, level=level)
+    shortest_s = min_pulse_s(5.0, direction, level=level)
     near, far = direction.split("-")
-    long, short = switch(least * 1.001, 5.0, direction, level=level), switch(least * 0.999, 5.0, direction, level=level)
+    long, short = switch(shortest_s * 1.001, 5.0, direction, level=level), switch(shortest_s * 0.999, 5.0, direction, level=level)
     assert (long.switched, long.final_state) == (True, far)
     assert (short.switched, short.final_state, short.arrival_s) == (False, near, None)
     for outcome in (long, short):
         assert outcome.uncertain
         assert abs(outcome.margin) == pytest.approx(0.001, rel=0.1)
-    assert not switch(least * 1.03, 5.0, direction, level=level).uncertain
-    assert not switch(least * 0.97, 5.0, direction, level=level).uncertain
+    assert not switch(shortest_s * 1.03, 5.0, direction, level=level).uncertain
+    assert not switch(shortest_s * 0.97, 5.0, direction, level=level).uncertain
 
 
 @pytest.mark.parametrize("level", LEVELS)

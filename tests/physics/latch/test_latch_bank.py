@@ -1,4 +1,4 @@
-"""Many actuators at once behave as that many single ones."""
+"""Many tactors at once behave as that many single ones."""
 
 from __future__ import annotations
 

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import itertools
+import math
 import statistics
 
 import pytest
 
+from haptics.errors import InputError
 from haptics.physics.latch.event import EventLatch
+from haptics.physics.latch.event_fit import fit_travel
 from haptics.physics.latch.parameters import LATCH
 from haptics.physics.latch.pulse import DIRECTIONS, latch_plant, min_pulse_s, switch, travel_s
 from haptics.physics.latch.travel import TRAVEL
+from haptics.physics.parameters import provenance
 
 DRIVES = list(itertools.product(DIRECTIONS, (4.0, 4.5, 5.0, 5.5)))
 
@@ -20,10 +24,26 @@ def test_travel_and_threshold_are_those_of_the_dynamic_level(direction, volts):
     # The scaling law fits the dynamic level within 0.4 % over 3.75 to 5.5 V, constants rounded to five digits.
     for question in (travel_s, min_pulse_s):
         if question is travel_s:
-            event, dynamic = (travel_s(direction, volts, level=level) for level in ("event", "dynamic"))
+            event, dynamic = (travel_s(direction, volts, level=level, extrapolate=True) for level in ("event", "dynamic"))
         else:
-            event, dynamic = (min_pulse_s(volts, direction, level=level) for level in ("event", "dynamic"))
+            event, dynamic = (min_pulse_s(volts, direction, level=level, extrapolate=True) for level in ("event", "dynamic"))
         assert event == pytest.approx(dynamic, rel=5e-3)
+
+
+def test_times_refuse_volts_beyond_the_fit_and_beyond_the_stated_drive() -> None:
+    for ask in (TRAVEL.travel_s, TRAVEL.min_s):
+        with pytest.raises(InputError, match=r"volts = 9 V.*3\.75 to 5\.5 V.*extrapolate=True"):
+            ask(True, 9.0)
+        assert ask(True, 9.0, extrapolate=True) < ask(True, 5.5)
+        assert math.isinf(ask(False, 1.0))  # that nothing switches is known, not extrapolated
+    with pytest.raises(InputError, match=r"3\.6 V at nominal resistance is outside"):
+        travel_s("off-on", 3.6)
+    for level in ("event", "dynamic"):
+        with pytest.raises(InputError, match=r"12 V is above the stated 5 V.*extrapolate=True"):
+            travel_s("off-on", 12.0, level=level)
+        with pytest.raises(InputError, match=r"12 V is above the stated 5 V"):
+            min_pulse_s(12.0, level=level)
+    assert min_pulse_s(12.0, extrapolate=True) < min_pulse_s()
 
 
 def test_heat_acts_through_the_current_only():
@@ -40,12 +60,25 @@ def test_arrival_and_energy_errors_over_the_stated_drive():
             continue
         assert event.switched == dynamic.switched
         energy.append(abs(event.energy_j / dynamic.energy_j - 1))
-        # Within a quarter of the threshold arrival diverges; a renderer is told by the margin.
+        # Within a quarter of the threshold arrival diverges; the margin shows it to a renderer.
         if event.switched and dynamic.margin > 0.25:
             arrival_ms.append(1e3 * abs(event.arrival_s - dynamic.arrival_s))
     assert statistics.median(arrival_ms) < 0.3
     assert max(arrival_ms) < 1.4
     assert max(energy) < 0.06
+
+
+def test_the_constants_are_what_the_fit_gives_and_other_parameters_get_their_own() -> None:
+    fitted = fit_travel(LATCH)
+    for row, committed in zip(provenance(fitted), provenance(TRAVEL), strict=True):
+        # Committed with three to five digits; the time of escape is that of the force's slope at the watershed.
+        near = 0.1 if row.name.endswith("escape_s") else 0.02
+        assert row.value == pytest.approx(committed.value, rel=near, abs=1e-9), row.name
+    heavier = LATCH.with_values(mass_kg=1.2 * LATCH.mass_kg)
+    for direction in DIRECTIONS:
+        event, dynamic = (travel_s(direction, level=level, parameters=heavier) for level in ("event", "dynamic"))
+        assert event == pytest.approx(dynamic, rel=0.01)  # what the fit is refused beyond
+        assert event > travel_s(direction)
 
 
 def test_a_coasting_pin_leaves_the_watershed_exponentially():

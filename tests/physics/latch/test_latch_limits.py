@@ -1,4 +1,4 @@
-"""Where the latch model ends it says so, and what acts for less than a coil's time constant is counted right at every level."""
+"""Where the latch model ends it reports so; what acts for less than a coil's time constant is counted right at every level."""
 
 from __future__ import annotations
 
@@ -165,7 +165,7 @@ def test_level_event_says_that_weak_volts_push_a_flying_pin_too():
 
 
 def test_years_of_time_cost_no_more_than_their_rounding():
-    """A double at 1e9 s tells 0.12 us."""
+    """A double at 1e9 s resolves 0.12 us."""
     seen = []
     for start_s in (0.0, 1e9):
         bank = LatchBank(1)

@@ -1,4 +1,4 @@
-"""Level ``table``: as close to the equation of motion as it says, whatever the drive; stepped where it has no answer."""
+"""Level ``table``: as close to the equation of motion as it claims, whatever the drive; stepped where it has no answer."""
 
 from __future__ import annotations
 

@@ -29,8 +29,8 @@ def test_peak_and_decay_are_the_published_ones(surface):
 def test_the_decay_time_is_found_again_in_twenty_noisy_switches(surface, seed):
     # As measured: 20 switches at 3200 Hz, each as loud as it happens to be, aligned, averaged; then ln a = ln a0 - t/tau.
     generator = np.random.default_rng(seed)
-    told = predict_recoil(surface, length_s=4 * TAUS_S[surface])
-    times_s, clean = np.array(told.times_s), np.array(told.acceleration_m_s2)
+    answer = predict_recoil(surface, length_s=4 * TAUS_S[surface])
+    times_s, clean = np.array(answer.times_s), np.array(answer.acceleration_m_s2)
     loudness, noise = generator.normal(1, 0.1, (20, 1)), generator.normal(0, 0.3, (20, times_s.size))
     mean = np.mean(loudness * clean + noise, axis=0)
     # One sample's logarithm is off by noise / sqrt(20) / signal; weights and the slope's uncertainty follow from it.
@@ -43,12 +43,12 @@ def test_the_decay_time_is_found_again_in_twenty_noisy_switches(surface, seed):
 
 
 def test_samples_are_those_of_the_accelerometer():
-    told = predict_recoil("foam", length_s=10e-3)
-    assert told.sample_rate_hz == SAMPLE_RATE_HZ == 3200.0
-    assert len(told.times_s) == 33  # 10 ms are 32 intervals
-    assert np.diff(told.times_s) == pytest.approx(np.full(32, 1 / 3200), rel=1e-12)
-    assert told.times_s[0] == 0.0
-    assert list(told.acceleration_m_s2) == pytest.approx([10 * G * math.exp(-k / 3200 / 1.8e-3) for k in range(33)], rel=1e-14)
+    answer = predict_recoil("foam", length_s=10e-3)
+    assert answer.sample_rate_hz == SAMPLE_RATE_HZ == 3200.0
+    assert len(answer.times_s) == 33  # 10 ms are 32 intervals
+    assert np.diff(answer.times_s) == pytest.approx(np.full(32, 1 / 3200), rel=1e-12)
+    assert answer.times_s[0] == 0.0
+    assert list(answer.acceleration_m_s2) == pytest.approx([10 * G * math.exp(-k / 3200 / 1.8e-3) for k in range(33)], rel=1e-14)
     assert len(predict_recoil("foam", length_s=0.0).times_s) == 1
     # 0.29 s at 100 Hz is a hair below 29 intervals in binary; it must not cost the last one.
     assert len(predict_recoil("foam", length_s=0.29, sample_rate_hz=100.0).times_s) == 30
@@ -58,7 +58,7 @@ def test_limits():
     assert recoil_m_s2(-1e-12, "bare") == 0.0
     assert recoil_m_s2(-math.ulp(1.0), "bare") == 0.0
     assert recoil_m_s2(1e6, "bare") == 0.0
-    assert recoil_m_s2(0.0, "bare", relative_speed=0.0) == 0.0
+    assert recoil_m_s2(0.0, "bare", relative_speed=0.0, extrapolate=True) == 0.0
     assert predict_recoil("bare", relative_speed=0.0).above_tenth_s == 0.0
 
 
@@ -69,19 +69,25 @@ def test_softer_landings_die_sooner_from_the_same_peak():
 
 
 def test_the_peak_goes_with_impact_speed_and_says_that_this_is_assumed():
-    told = predict_recoil("silicone", relative_speed=0.5)
-    assert told.peak_g == pytest.approx(5.0, rel=1e-15)
-    assert not told.valid
-    assert "by assumption" in told.reasons[0]
+    answer = predict_recoil("silicone", relative_speed=0.5)
+    assert answer.peak_g == pytest.approx(5.0, rel=1e-15)
+    assert not answer.valid
+    assert "by assumption" in answer.reasons[0]
     assert predict_recoil("silicone").valid
     squared = RECOIL.with_values(speed_power=2.0)
-    assert recoil_m_s2(1e-3, "bare", 0.5, squared) == pytest.approx(recoil_m_s2(1e-3, "bare") / 4, rel=1e-15)
+    assert recoil_m_s2(1e-3, "bare", 0.5, squared, extrapolate=True) == pytest.approx(recoil_m_s2(1e-3, "bare") / 4, rel=1e-15)
     assert {row.name: row.provenance for row in provenance(RECOIL)}["speed_power"] == "assumed"
 
 
+def test_the_bare_law_refuses_an_impact_that_was_not_measured() -> None:
+    with pytest.raises(InputError, match=r"relative_speed = 0\.5.*nominal impact only.*extrapolate=True"):
+        recoil_m_s2(0.0, "bare", 0.5)
+    assert recoil_m_s2(0.0, "bare", 0.5, extrapolate=True) == pytest.approx(5.0 * G, rel=1e-15)
+
+
 def test_time_above_a_tenth_is_when_the_envelope_gets_there():
-    told = predict_recoil("bare")
-    assert recoil_m_s2(told.above_tenth_s, "bare") == pytest.approx(told.peak_m_s2 / 10, rel=1e-14)
+    answer = predict_recoil("bare")
+    assert recoil_m_s2(answer.above_tenth_s, "bare") == pytest.approx(answer.peak_m_s2 / 10, rel=1e-14)
 
 
 def test_the_envelope_is_no_net_motion():

@@ -43,7 +43,7 @@ def play(asked, jump_k, spacing_s, limit_k, start_rise_k=0.0):
 @given(st.integers(1, 300), jumps, spacings, limits, starts)
 def test_first_denied_and_admitted_match_brute_force(asked, jump_k, spacing_s, limit_k, start_k):
     admitted, closest = play(asked, jump_k, spacing_s, limit_k, start_k)
-    # A decision nearer to the limit than rounding over the train can go either way.
+    # A decision nearer to the limit than rounding over the train can go to either side.
     assume(closest > 1e-11)
     assert admitted_of(asked, jump_k, spacing_s, limit_k, start_k) == len(admitted)
     denied = first_denied_index(jump_k, spacing_s, limit_k, start_k)
@@ -67,7 +67,7 @@ def test_peak_trough_and_mean_match_brute_force(index, jump_k, spacing_s, start_
 
 
 def test_the_published_rates():
-    # 69 K/W times mean power: thesis 3.5.2 says 25 and 10.1 K.
+    # 69 K/W times mean power: thesis 3.5.2 gives 25 and 10.1 K.
     assert predict_thermal(120).mean_rise_k == pytest.approx(24.84, rel=1e-12)
     assert predict_thermal(49).mean_rise_k == pytest.approx(10.143, rel=1e-12)
     assert predict_thermal(120).peak_rise_k - predict_thermal(120).trough_rise_k == pytest.approx(pulse_rise_k(), rel=1e-12)

@@ -362,14 +362,14 @@ def test_naive_float32_steps_of_a_microsecond_stick_at_four_kelvin():
 
 
 def test_a_float32_state_is_refused_and_float32_inputs_are_computed_in_double():
-    with pytest.raises(InputError, match="rise_k is float32; allowed: float64"):
+    with pytest.raises(InputError, match="rise_k is float32; expected float64"):
         relax(np.float32(4.0), 18.0, 1e-6)
     with pytest.raises(InputError, match="float16"):
         relax(np.float16(4.0), 18.0, 1e-6)
     step, power = np.float32(1e-6), np.float32(18.0)
-    told = relax(0.0, power, step)
-    assert type(told) is float
-    assert told == relax(0.0, float(power), float(step))
+    warmed = relax(0.0, power, step)
+    assert type(warmed) is float
+    assert warmed == relax(0.0, float(power), float(step))
     for level in LEVELS:
         plant, same = thermal_plant(level, rise_k=np.float32(4.0)), thermal_plant(level, rise_k=4.0)
         for _ in range(1000):
