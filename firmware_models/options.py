@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from difflib import get_close_matches
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -17,9 +18,16 @@ from haptics.units import in_range, one_of
 
 @dataclass(frozen=True)
 class Option:
-    """One key: a number within ``low`` to ``high``, a whole one (``whole``), one of ``choices``, or what ``reader`` makes of it.
+    """One key of a URL: a number within a range, a word of a choice, or what a reader makes of the text.
 
-    ``default`` None means: drawn from the seed, or left to the model, as ``meaning`` says.
+    :ivar default: value where the key is not given; None: drawn from the seed, or left to the model, as ``meaning`` states.
+    :ivar meaning: a line on what the key sets, for listings.
+    :ivar unit: of the number; empty: none.
+    :ivar low: smallest number allowed.
+    :ivar high: largest number allowed.
+    :ivar whole: only whole numbers are allowed.
+    :ivar choices: the words allowed; then it is no number.
+    :ivar reader: makes the value of the text; then nothing else counts.
     """
 
     default: float | int | str | None
@@ -34,6 +42,9 @@ class Option:
     def parse(self, key: str, text: str) -> Any:
         """The value of ``text``.
 
+        :param key: the key as it was typed, for messages.
+        :param text: the value as it was typed.
+        :return: a float, an int if ``whole``, one of the choices, or what the reader made.
         :raises InputError: no number, out of range, or not one of the choices.
         """
         if self.reader is not None:
@@ -49,22 +60,31 @@ class Option:
 
 
 def split_url(url: str) -> tuple[str, dict[str, str]]:
-    """Board name and raw query of ``sim://BOARD?...``.
+    """The parts of a URL ``sim://BOARD?key=value&key=value``.
 
+    :param url: as it was typed.
+    :return: board name, and values by key, all as text.
     :raises InputError: not such a URL, or a key given twice.
     """
     parts = urlsplit(url)
     if parts.scheme != "sim" or parts.path not in ("", "/") or parts.fragment:
-        raise InputError(f"port = {url!r} is not a simulated board; allowed: sim://BOARD?key=value&key=value")
+        raise InputError(f"port = {url!r} is not a simulated board; expected sim://BOARD?key=value&key=value")
     return parts.netloc, query_of(url)
 
 
 def parse_options(query: Mapping[str, str], allowed: Mapping[str, Option]) -> dict[str, Any]:
     """Values of all ``allowed`` keys, defaults included.
 
-    :raises InputError: unknown key, or a bad value of a known one.
+    :param query: texts by key, as they were typed.
+    :param allowed: every key there is.
+    :return: values by key.
+    :raises InputError: unknown key, named with the nearest one there is, or a bad value of a known one.
     """
     for key in query:
         if key not in allowed:
-            raise InputError(f"{key} = {query[key]!r}: no such key for this board; allowed: {', '.join(sorted(allowed))}")
+            near = get_close_matches(key, allowed, 1, 0.7)
+            meant = f"did you mean {near[0]!r}? " if near else ""
+            raise InputError(
+                f"{key}={query[key]}: unknown key {key!r} in the port's URL; {meant}known keys: {', '.join(sorted(allowed))}"
+            )
     return {key: option.parse(key, query[key]) if key in query else option.default for key, option in allowed.items()}

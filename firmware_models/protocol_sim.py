@@ -48,8 +48,10 @@ PORT_OPTIONS: dict[str, Option] = {
 
 
 def board_options(board: str) -> dict[str, Option]:
-    """Every URL key of a board, with default, unit, range and meaning.
+    """Every URL key of a board.
 
+    :param board: "tactiles" or "brake".
+    :return: default, unit, range and meaning by key.
     :raises InputError: no such board.
     """
     return {**PORT_OPTIONS, **BOARD_OPTIONS, **_model(board).options()}
@@ -58,6 +60,8 @@ def board_options(board: str) -> dict[str, Option]:
 def instrument_options(instrument: str) -> dict[str, Option]:
     """Every URL key of an instrument.
 
+    :param instrument: one of ``INSTRUMENTS``.
+    :return: default, unit, range and meaning by key.
     :raises InputError: no such instrument.
     """
     return {**PORT_OPTIONS, **INSTRUMENT_OPTIONS, **_instrument(instrument).options()}
@@ -83,6 +87,10 @@ def _instrument(name: str) -> type[Instrument]:
 def make_cable(board: str, options: dict[str, Any], now_ns: int) -> Cable:
     """A board of that name, powered on at ``now_ns``, at the end of its serial line.
 
+    :param board: "tactiles" or "brake".
+    :param options: values of ``board_options(board)``.
+    :param now_ns: world time, ns.
+    :return: the host's end.
     :raises InputError: an option that the chosen core cannot honour, or a core that cannot be built here.
     """
     to_host = make_line(options, "in")
@@ -128,9 +136,9 @@ class Serial(SerialBase):
         name = query.pop("world", None)
         options = parse_options(query, instrument_options(board) if board in INSTRUMENTS else board_options(board))
         if board in INSTRUMENTS and options["core"] != "py":
-            raise InputError(f"core = {options['core']!r} is not allowed for a {board}: instruments run no firmware; allowed: py")
+            raise InputError(f"core = {options['core']} is not for a {board}: instruments run no firmware; leave core out")
         if board in INSTRUMENTS and options["faults"] is not None and options["faults"].dtr_reset:
-            raise InputError(f"faults: dtr_reset = 1 is not allowed for a {board}: instruments have no reset line; allowed: 0")
+            raise InputError(f"faults: dtr_reset = 1 is not for a {board}: instruments have no reset line; leave dtr_reset out")
         self._world = worlds.enter(name, options["clock"])
         self._world_name = name
         try:
@@ -202,9 +210,11 @@ class Serial(SerialBase):
             return self._cable.to_board.in_transit(self._now())
 
     def read(self, size: int = 1) -> bytes:
-        """Up to ``size`` bytes; waits for them until the port's timeout (None: for ever), in the world's own time.
+        """Read; waits for the bytes in the world's own time.
 
-        :raises SerialException: port closed, or a wait without end on a virtual clock.
+        :param size: how many bytes are waited for.
+        :return: so many, or fewer if the port's timeout (None: for ever) ended first.
+        :raises SerialException: port closed, the board unplugged by the line's faults, or a wait without end on a virtual clock.
         """
         world = self._live()
         with world.lock:
@@ -223,6 +233,8 @@ class Serial(SerialBase):
     def write(self, data: Any, /) -> int:
         """Hand bytes to the line; they reach the board at the baud rate.
 
+        :param data: bytes, or what ``bytes`` takes.
+        :return: how many.
         :raises SerialException: the line's faults have unplugged the board.
         :raises SerialTimeoutException: they let the peer take no more bytes.
         """
@@ -288,6 +300,7 @@ class Serial(SerialBase):
     def advance(self, to_ns: int) -> None:
         """Carry the whole world to ``to_ns``.
 
+        :param to_ns: world time, ns.
         :raises InputError: ``to_ns`` lies in the past, or ahead of the real clock, which nobody moves.
         """
         world = self._live()
@@ -300,32 +313,48 @@ class Serial(SerialBase):
                 world.catch_up()
 
     def next_event(self) -> int | None:
-        """When something happens next by itself, or None."""
+        """When something happens next by itself.
+
+        :return: world time, ns; None if nothing will.
+        """
         next_ns = self._live().next_ns
         return None if next_ns == NEVER_NS else next_ns
 
     def truth(self) -> dict[str, Any]:
-        """The plant as it is now; see the board's own ``truth``."""
+        """The plant as it is now; see the board's own ``truth``.
+
+        :return: values by name.
+        """
         with self._live().lock:
             self._cable.advance(self._now())
             return self._cable.board.truth()
 
     def set_load(self, channel: int, **load: float) -> None:
-        """Act on the plant from outside; see the board's own ``set_load``."""
+        """Act on the plant from outside; see the board's own ``set_load``.
+
+        :param channel: coil or output, from 0.
+        :param load: what the plant's ``load`` takes, and ``brown_out``, ``reset``.
+        :raises InputError: see the board's own ``set_load``.
+        """
         with self._live().lock:
             self._cable.advance(self._now())
             self._cable.board.set_load(channel, **load)
             self._world.replan()
 
     def watch(self, listener: Callable[[int, str, int, int], None]) -> None:
-        """Call ``listener(time_ns, kind, channel, drive)`` at each switching of an output by the board's hardware.
+        """Call a listener at each switching of an output by the board's hardware.
 
-        ``kind``: coil, brake or piezo; ``drive``: 1, or -1 for a coil driven back, or 0: off.
+        :param listener: called with time (world, ns), kind ("coil", "brake" or "piezo"), channel, and drive: 1, or -1 for a coil
+            driven back, or 0: off.
         """
         self._cable.board.plant.switched.append(listener)
 
     def tick_ns(self, tick: int) -> int:
-        """World time at which the board's own clock shows ``tick`` (u32), the one nearest to now."""
+        """World time at which the board's own clock shows ``tick``, the one nearest to now.
+
+        :param tick: count, 0 to 2**32 - 1.
+        :return: world time, ns.
+        """
         with self._live().lock:
             self._cable.advance(now_ns := self._now())
             ticks = self._cable.board.ticks
@@ -333,7 +362,10 @@ class Serial(SerialBase):
             return ticks.time_ns(count + signed_difference(tick, count % (1 << 32)))
 
     def energised(self) -> list[int]:
-        """Channels that carry current or dangerous volts now."""
+        """Channels that carry current or dangerous volts now.
+
+        :return: channel numbers, from 0, rising.
+        """
         with self._live().lock:
             self._cable.advance(self._now())
             return self._cable.board.energised()

@@ -22,7 +22,7 @@ from firmware_models.options import parse_options, split_url
 from firmware_models.protocol_sim import board_options, make_cable
 from haptics.errors import InputError
 from haptics.time import seconds_to_ns
-from haptics.units import in_range, one_of
+from haptics.units import in_range
 
 _READ_SIZE = 4096
 _LONGEST_WAIT_S = 0.1
@@ -72,7 +72,7 @@ class PseudoTerminal:
                 self._cable.to_board.send(data, time.monotonic_ns())
 
     def _catch_up(self) -> int:
-        """Run what is due, one event at a time so that the trace misses nothing, and hand over what the board said."""
+        """Run what is due, one event at a time so that the trace misses nothing, and hand over what the board sent."""
         now_ns = time.monotonic_ns()
         while (next_ns := self._cable.next_event()) <= now_ns:
             self._cable.advance(next_ns)
@@ -102,16 +102,17 @@ def simulate(
         raise InputError(f"pseudo-terminals exist on POSIX systems only; elsewhere, open sim://{board} in the program") from error
     name, raw = split_url(f"sim://{board}?{query}")
     options = parse_options(raw, board_options(name))
-    one_of("clock", options["clock"], ("real",))
+    if options["clock"] != "real":
+        raise InputError(f"clock = {options['clock']}: a board behind a pseudo-terminal runs on the real clock; leave clock out")
     if for_s is not None:
-        in_range("for-s", for_s, 0.0, float("inf"), "s")
+        in_range("--for-s", for_s, 0.0, float("inf"), "s")
     with ExitStack() as stack:
         note = None
         if trace is not None:
             try:
                 note = Trace(stack.enter_context(trace.open("w" if force else "x", encoding="utf-8")))
             except FileExistsError as error:
-                raise InputError(f"trace = {trace} exists already; allowed: a new file, or --force") from error
+                raise InputError(f"--trace = {trace} exists; choose another name or overwrite it (--force)") from error
         master, slave = pty.openpty()
         stack.callback(os.close, master)
         stack.callback(os.close, slave)  # held open: a host that closes must not hang up the line
@@ -120,7 +121,7 @@ def simulate(
         path = os.ttyname(slave)
         if link is not None:
             if link.exists() or link.is_symlink():
-                raise InputError(f"link = {link} exists already; allowed: a new path")
+                raise InputError(f"--link = {link} exists; choose another path or remove it")
             link.symlink_to(path)
             stack.callback(link.unlink, missing_ok=True)
         previous = signal.signal(signal.SIGTERM, signal.default_int_handler)  # leave by the same door as ctrl-c

@@ -21,10 +21,18 @@ class Member(Protocol):
     """Something that lives in a world."""
 
     def next_event(self) -> int:
-        """When something happens next by itself, strictly after the last ``advance``; ``NEVER_NS`` if nothing will."""
+        """When something happens next by itself, strictly after the last ``advance``.
+
+        :return: world time, ns; ``NEVER_NS`` if nothing will.
+        """
         ...
 
-    def advance(self, to_ns: int) -> None: ...
+    def advance(self, to_ns: int) -> None:
+        """Carry this member to ``to_ns``.
+
+        :param to_ns: world time, ns; not before the last one given.
+        """
+        ...
 
 
 class World:
@@ -51,6 +59,7 @@ class World:
     def advance(self, to_ns: int) -> None:
         """Carry every member to ``to_ns``.
 
+        :param to_ns: world time, ns.
         :raises InputError: ``to_ns`` lies in the past.
         """
         if to_ns < self.now_ns:
@@ -64,13 +73,19 @@ class World:
         self.now_ns = to_ns
 
     def catch_up(self) -> int:
-        """Bring a world on the real clock to now; returns the world's time."""
+        """Bring a world on the real clock to now.
+
+        :return: the world's time, ns.
+        """
         if not self.virtual:
             self.advance(max(time.monotonic_ns(), self.now_ns))
         return self.now_ns
 
     def wait(self, until_ns: int) -> None:
-        """Let time pass until ``until_ns``, or on the real clock until something was changed from outside."""
+        """Let time pass until ``until_ns``, or on the real clock until something was changed from outside.
+
+        :param until_ns: world time, ns.
+        """
         if self.virtual:
             self.advance(until_ns)
         else:
@@ -83,8 +98,11 @@ _named_lock = threading.Lock()
 
 
 def enter(name: str | None, clock: str) -> World:
-    """The world of that name, made if need be; without a name, one of its own. Pair with ``leave``.
+    """The world of that name, made if need be. Pair with ``leave``.
 
+    :param name: of a world that ports share; None: a world of one's own.
+    :param clock: "real" or "virtual".
+    :return: the world, with one more open port.
     :raises InputError: the world exists and runs on the other clock.
     """
     with _named_lock:
@@ -94,13 +112,19 @@ def enter(name: str | None, clock: str) -> World:
             if name:
                 _named[name] = world
         if world.clock != clock:
-            raise InputError(f"clock = {clock!r} is not allowed in world {name!r}, which runs already; allowed: {world.clock}")
+            raise InputError(
+                f"clock = {clock}: world = {name} runs already, on clock = {world.clock}; give every port in it the same clock"
+            )
         world.open_ports += 1
         return world
 
 
 def leave(name: str | None, world: World) -> None:
-    """Give the world back; the last port to leave takes it away."""
+    """Give the world back; the last port to leave takes it away.
+
+    :param name: as it was entered.
+    :param world: what ``enter`` returned.
+    """
     with _named_lock:
         world.open_ports -= 1
         if name and world.open_ports == 0:

@@ -42,14 +42,23 @@ _U16 = 0xFFFF
 
 
 class Refusal(Exception):
-    """A command that is not carried out; becomes its reply."""
+    """A command that is not carried out; becomes its reply.
+
+    :param status: why, as the reply states it.
+    :param detail: what the status needs beside it (docs/reference/protocol.md); cut to 65535.
+    """
 
     def __init__(self, status: Status, detail: int = 0):
         self.status, self.detail = status, min(detail, _U16)
 
 
 class Trip(NamedTuple):
-    """A guard that fired."""
+    """A guard that fired.
+
+    :param fault: what was seen.
+    :param channel: output or coil, from 0; ``WHOLE_BOARD`` where it is none in particular.
+    :param value: what was measured, in the fault's unit (docs/reference/protocol.md).
+    """
 
     fault: Fault
     channel: int
@@ -73,12 +82,19 @@ class FirmwareModel:
 
     @classmethod
     def options(cls) -> dict[str, Option]:
-        """URL keys of this board beside ``BOARD_OPTIONS``."""
+        """URL keys of this board beside ``BOARD_OPTIONS``.
+
+        :return: default, unit and range by key.
+        """
         raise NotImplementedError
 
     @classmethod
     def built_limits(cls, options: Mapping[str, Any]) -> tuple[int, ...]:
-        """Limits at power-on, in the order of ``identity.limits``; a host may only lower them."""
+        """Limits at power-on; a host may only make them stricter.
+
+        :param options: values of ``BOARD_OPTIONS`` and the board's own.
+        :return: in the order and the units of ``identity.limits``.
+        """
         raise NotImplementedError
 
     def __init__(self, options: Mapping[str, Any], transmitter: Line, start_ns: int):
@@ -111,7 +127,7 @@ class FirmwareModel:
         self._telemetry_allowed_ns = self.now_ns
 
     def brown_out(self) -> None:
-        """The CPU's supply breaks down for a moment: outputs off at once, a reboot, and the fault latched that says why."""
+        """The CPU's supply breaks down for a moment: outputs off at once, a reboot, and a latched fault that states why."""
         self.reset()
         self.faults, self.state = 1 << Fault.BROWN_OUT, State.FAULT
         self.replan()
@@ -155,7 +171,10 @@ class FirmwareModel:
         raise NotImplementedError
 
     def truth(self) -> dict[str, Any]:
-        """The plant as it is now."""
+        """The plant as it is now.
+
+        :return: by name; which ones, each board documents.
+        """
         raise NotImplementedError
 
     def _act(self, channel: int, load: Mapping[str, float]) -> None:
@@ -163,11 +182,19 @@ class FirmwareModel:
         raise NotImplementedError
 
     def energised(self) -> list[int]:
-        """Channels that carry current or dangerous volts now."""
+        """Channels that carry current or dangerous volts now.
+
+        :return: channel numbers, from 0, rising.
+        """
         raise NotImplementedError
 
     def set_load(self, channel: int, **load: float) -> None:
-        """Act on the hardware from outside: what the plant's ``load`` takes; ``brown_out`` and ``reset``, not 0: see there."""
+        """Act on the hardware from outside.
+
+        :param channel: coil or output, from 0.
+        :param load: what the plant's ``load`` takes; ``brown_out`` and ``reset``, not 0, do what the methods of these names do.
+        :raises InputError: no such channel, an unknown key, or a value out of range; see the plant's ``load``.
+        """
         browned_out, resets = load.pop("brown_out", 0), load.pop("reset", 0)
         self._act(channel, load)
         if browned_out:
@@ -179,11 +206,17 @@ class FirmwareModel:
     # Time.
 
     def next_event(self) -> int:
-        """When this board does something by itself next, or ``NEVER_NS``."""
+        """When this board does something by itself next.
+
+        :return: world time, ns; ``NEVER_NS`` if it will not.
+        """
         return self._next_ns
 
     def advance(self, to_ns: int) -> None:
-        """Run everything due up to and including ``to_ns``."""
+        """Run everything due up to and including ``to_ns``.
+
+        :param to_ns: world time, ns; not before ``now_ns``.
+        """
         while self._next_ns <= to_ns:
             self.now_ns = self._next_ns
             if self._dead_man_ns() <= self.now_ns:
@@ -209,7 +242,10 @@ class FirmwareModel:
     # Bytes.
 
     def handle(self, data: bytes) -> None:
-        """Take bytes that have just come in."""
+        """Take bytes whose last bit has just come in.
+
+        :param data: any bytes: whole frames, parts of them, noise.
+        """
         for frame in self._deframer.feed(data):
             self._take(frame)
         self.replan()
@@ -261,7 +297,7 @@ class FirmwareModel:
         self._line.send(data, self._ready_ns())
 
     def _send_unsolicited(self, name: str, *values: Any) -> int:
-        """Send a message nobody asked for; returns its length."""
+        """Send a message that answers no command; returns its length."""
         data = encode_frame(BY_NAME[name].type, self._unsolicited_seq, encode(name, *values))
         self._unsolicited_seq = (self._unsolicited_seq + 1) % 256
         self._line.send(data, self.now_ns)
@@ -344,7 +380,12 @@ class FirmwareModel:
     # Shared by the commands.
 
     def latch(self, fault: Fault, channel: int, value: int) -> None:
-        """Make safe, remember why, and tell a host that has introduced itself."""
+        """Make safe, remember why, and report it to a host that has introduced itself.
+
+        :param fault: what was seen.
+        :param channel: output or coil, from 0, or ``WHOLE_BOARD``.
+        :param value: what was measured, in the fault's unit; reported within 0 to 65535.
+        """
         self._outputs_off()
         self.faults |= 1 << fault
         self.state = State.FAULT

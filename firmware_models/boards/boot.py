@@ -23,7 +23,11 @@ BOARD_OPTIONS: dict[str, Option] = {
 
 
 class Boot(NamedTuple):
-    """One power-on: the board's count from there on, and the id that the host is told."""
+    """One power-on.
+
+    :param ticks: the board's clock from there on.
+    :param boot_id: what ``identity`` reports and ``arm`` must repeat, 1 to 2**32 - 1.
+    """
 
     ticks: TickCounter
     boot_id: int
@@ -32,9 +36,10 @@ class Boot(NamedTuple):
 class Boots:
     """The draws of one board; the same seed gives the same ones, whatever firmware runs.
 
-    :param options: values of ``BOARD_OPTIONS``.
-
     ``plant_rng``: of the hardware around the CPU. ``latency_rng``: of how long the firmware takes.
+
+    :param options: values of ``BOARD_OPTIONS``.
+    :param kind: which board; boards of two kinds with one seed draw independently.
     """
 
     def __init__(self, options: Mapping[str, Any], kind: Board):
@@ -46,7 +51,11 @@ class Boots:
         self._ppm: float | None = options["ppm"]
 
     def power_on(self, now_ns: int) -> Boot:
-        """The next boot: the crystal stays, the count begins anew."""
+        """The next boot: the crystal stays, the count begins anew.
+
+        :param now_ns: world time of the boot, ns.
+        :return: its clock and its id.
+        """
         offset, ppm = int(self._clock.integers(2**32)), float(self._clock.uniform(-_CRYSTAL_PPM, _CRYSTAL_PPM))
         boot_id = int(self._clock.integers(1, 2**32))
         if self._ppm is None:

@@ -4,7 +4,7 @@
 
     DISARMED -> arm, below 42.4 V -> SELF_TEST -> ARMED -> drive -> DRIVING -> end of its time, or 0 V -> DISCHARGING -> ARMED
 
-``stop`` and ``disarm`` go to DISARMED by way of DISCHARGING, any latched fault to FAULT; both short every output at once.
+``stop`` and ``disarm`` go to DISARMED through DISCHARGING, any latched fault to FAULT; both short every output at once.
 The self test ramps one output after the other to volts too low for any force and takes the capacitance from the slope; an
 output with next to none has no brake and is not driven. While it drives, the firmware samples volts and current each
 millisecond and latches what its guards see. It knows only what it can measure; the plant knows the rest.
@@ -47,7 +47,15 @@ _AMPLITUDE, _CURRENT, _FREQUENCY, _TTL, _CHARGE = range(5)  # the order of ident
 
 
 class Drive(NamedTuple):
-    """A drive command that was taken; times in world ns."""
+    """A drive command that was taken.
+
+    :param start_ns: world time at which it takes effect, ns.
+    :param order: how many commands were taken up to it; keeps two for the same time in order.
+    :param mask: outputs to drive, bit 0 for output 0; 0 shorts all of them.
+    :param volts: amplitude, V.
+    :param frequency_hz: of the square wave, Hz.
+    :param end_ns: world time at which it ends unless another replaces it, ns.
+    """
 
     start_ns: int
     order: int
@@ -58,7 +66,12 @@ class Drive(NamedTuple):
 
 
 class Burst(NamedTuple):
-    """A piezo on, edge to edge."""
+    """A piezo on, edge to edge.
+
+    :param start_ns: world time at which it goes on, ns.
+    :param end_ns: world time at which it goes off, ns.
+    :param mask: piezos, bit 0 for piezo 0.
+    """
 
     start_ns: int
     end_ns: int
@@ -66,7 +79,12 @@ class Burst(NamedTuple):
 
 
 class BrakeBoard(FirmwareModel):
-    """Firmware of the high-voltage controller around its brakes."""
+    """Firmware of the high-voltage controller around its brakes.
+
+    :param options: values of ``BOARD_OPTIONS`` and ``plants.brake_plant.PLANT_OPTIONS``.
+    :param transmitter: line to the host.
+    :param start_ns: world time of power-on, ns.
+    """
 
     kind = Board.BRAKE
     channels = BRAKE_CHANNELS
@@ -290,10 +308,11 @@ class BrakeBoard(FirmwareModel):
         )
 
     def truth(self) -> dict[str, Any]:
-        """Lists over outputs: ``volts`` (signed), ``amplitude_v, capacity_n, held_n, slipping, tension_n, slip_m, energy_j,
-        piezo``; and
-        ``time_ns, supply_energy_j, supply_power_w, state``; ``events`` since the last call as ``(time_ns, channel, kind,
-        value)``: driven (V), shorted, half_capacity (N), piezo_on, piezo_off.
+        """The five outputs and the supply as they are now.
+
+        :return: lists over outputs: ``volts`` (signed), ``amplitude_v, capacity_n, held_n, slipping, tension_n, slip_m, energy_j,
+            piezo``; single values: ``time_ns, supply_energy_j, supply_power_w, state``; ``events`` since the last call as
+            ``(time_ns, channel, kind, value)``: driven (V), shorted, half_capacity (N), piezo_on, piezo_off.
         """
         return {**self.plant.truth(self.now_ns), "state": self.state}
 

@@ -1,11 +1,11 @@
 """What the brake controller watches while it drives, by sampling volts and current: guards that latch.
 
-It knows the phase of its own square wave, so that it can tell a ramp from a clamp from a hold:
+It knows the phase of its own square wave, so that it knows a ramp from a clamp from a hold:
 
 - over-voltage: an output 5 % above the setpoint (the higher one, until a reversal, after it was lowered);
 - over-current: the supply gives more than 550 uA for 1 ms;
 - bridge stuck: no sign change in 1.5 half periods;
-- short, open: the ramp's slope says a capacitance outside 0.5 to 1.5 of what the self test measured;
+- short, open: the ramp's slope gives a capacitance outside 0.5 to 1.5 of what the self test measured;
 - leak, while volts are held: 50 uA beyond the bleeder's current, or volts falling by 100 V in 1 ms.
 
 It looks each millisecond. While volts are held and nobody touches the plant nothing can change, so the model looks less
@@ -33,13 +33,14 @@ _HELD_SAMPLE_NS = 5 * NS_PER_MS
 _HELD = 0.98  # of the setpoint: from here on the supply only makes up for leakage
 _RAMP = (30.0, 0.6)  # slope is judged where it should have made more than these volts, and less than this share of the setpoint
 _SETTLED_NS = 2 * NS_PER_MS  # held for so long, the last of the charging current has gone
-_SENSED_V = 20.0  # least volts whose sign the dividers can tell
+_SENSED_V = 20.0  # minimum volts whose sign the dividers resolve
 
 
 class Guards:
     """The samples of one drive, from its first volts to its end.
 
-    :param capacitance_f: of each output as last measured; a ramp of a single output measures it again.
+    :param plant: what is sampled.
+    :param capacitance_f: of each output as last measured, F (5,); a ramp of a single output measures it again.
     """
 
     def __init__(self, plant: Brakes, capacitance_f: list[float]):
@@ -59,7 +60,13 @@ class Guards:
         self.next_ns = 0
 
     def begin(self, mask: int, volts: float, frequency_hz: float, now_ns: int) -> None:
-        """A drive takes effect: from discharged outputs, or with another amplitude only, in the phase of the one before."""
+        """A drive takes effect: from discharged outputs, or with another amplitude only, in the phase of the one before.
+
+        :param mask: outputs driven, bit 0 for output 0; not 0.
+        :param volts: setpoint, V.
+        :param frequency_hz: of the square wave, Hz; ignored where a wave goes on.
+        :param now_ns: world time, ns.
+        """
         if not self._chosen:
             half_ns = round(0.5 * NS_PER_S / frequency_hz)
             self._phase_ns, self._half_ns, self._clamp_ns = now_ns, half_ns, seconds_to_ns(clamp_time_s(frequency_hz))
@@ -75,7 +82,10 @@ class Guards:
         self._chosen, self._set_v = [channel for channel in range(BRAKE_CHANNELS) if mask >> channel & 1], volts
 
     def wake(self, now_ns: int) -> None:
-        """Something acted on the plant from outside."""
+        """Look again soon: something acted on the plant from outside.
+
+        :param now_ns: world time, ns.
+        """
         self.next_ns = min(self.next_ns, now_ns + self._interval_ns())
 
     def end(self) -> None:
@@ -85,7 +95,11 @@ class Guards:
         self.leakage_a = [0.0] * BRAKE_CHANNELS
 
     def sample(self, now_ns: int) -> Trip | None:
-        """Look once; to be called at ``next_ns``."""
+        """Look once; to be called at ``next_ns``.
+
+        :param now_ns: world time, ns.
+        :return: the guard that fired; None if all is well.
+        """
         self.next_ns = now_ns + self._interval_ns()
         channel = self._chosen[0] if len(self._chosen) == 1 else WHOLE_BOARD
         signed_v, amps = self._plant.volts(now_ns)[self._chosen[0]], self._plant.supply_current_a()

@@ -1,8 +1,8 @@
 """What the brake controller does between arm and armed: find out which outputs have a sound brake.
 
 One output after the other is ramped by the supply's constant current to a few volts, and ``C = I t / V`` less the stray
-capacitance is read when the divider can tell (``READ_V``). That is below what may be touched and below the threshold of
-any force on a dielectric of 5 um or more. An output with next to no capacitance has no brake and is not driven;
+capacitance is read as soon as the divider resolves the volts (``READ_V``). That is below what may be touched and below the
+threshold of any force on a dielectric of 5 um or more. An output with next to no capacitance has no brake and is not driven;
 no brake at all is a fault.
 """
 
@@ -30,14 +30,22 @@ _READING_SD = 0.01  # assumed: divider and timer of the controller
 
 @dataclass(frozen=True)
 class Measured:
-    """All outputs are sound or empty; 0 F means no brake."""
+    """All outputs are sound or empty.
+
+    :ivar capacitance_f: of each output, F (5,), without the stray capacitance; 0 means no brake.
+    """
 
     capacitance_f: list[float]
 
 
 @dataclass(frozen=True)
 class Failed:
-    """An output is not fit to be driven; ``value`` is its capacitance in pF, 0 if it did not rise."""
+    """An output is not fit to be driven.
+
+    :ivar fault: open, short, or self_test if no output has a brake.
+    :ivar channel: the output, from 0, or ``WHOLE_BOARD``.
+    :ivar value: its capacitance, pF; 0 if it did not rise.
+    """
 
     fault: Fault
     channel: int
@@ -47,7 +55,10 @@ class Failed:
 class SelfTest:
     """The test under way; call ``step`` at ``next_ns`` until it returns something.
 
-    :param nominal_f: capacitance of a sound brake as the controller was configured for.
+    :param plant: the outputs that are ramped.
+    :param nominal_f: capacitance of a sound brake as the controller was configured for, F.
+    :param rng: of the reading's error, 1 % (standard deviation).
+    :param now_ns: world time of its beginning, ns.
     """
 
     def __init__(self, plant: Brakes, nominal_f: float, rng: np.random.Generator, now_ns: int):
@@ -60,7 +71,11 @@ class SelfTest:
         self.next_ns = now_ns + _REST_NS
 
     def step(self, now_ns: int) -> Measured | Failed | None:
-        """Do what is due; a result ends the test with the output still on, to be shorted by the caller."""
+        """Do what is due; a result ends the test with the output still on, to be shorted by the caller.
+
+        :param now_ns: world time, ns; ``next_ns``.
+        :return: what was found; None while the test goes on.
+        """
         channel = len(self._capacitance_f)
         if self._resting:
             self._plant.drive(1 << channel, TEST_V, 0.0, now_ns)

@@ -1,6 +1,6 @@
 """What the coil board watches while it is armed: supply and current, sampled about each millisecond, and guards that latch.
 
-- supply: the coils' supply is below its least;
+- supply: the coils' supply is below its minimum;
 - coil_current: for 2 ms more current than the coils that are on can draw, or than the limit;
 - coil_on_time: current that no command explains flowed for longer than the longest pulse, at looks between which it never ceased:
   a driver is stuck.
@@ -23,11 +23,11 @@ from haptics.physics.latch.parameters import LATCH, NOMINAL_VOLTS
 from haptics.time import NS_PER_MS, NS_PER_US
 
 COIL_WORST_MA = math.ceil(1000 * NOMINAL_VOLTS / (LATCH.resistance_ohm - RESISTANCE_SPREAD_OHM))
-"""The most that one coil can draw."""
+"""Maximum that one coil can draw, mA."""
 MARGIN = 1.25
 """Of what the worst coils draw at the supply as it is; beyond it, and ``IDLE_MA`` more, something else draws."""
 IDLE_MA = 200
-"""What the sense reads without any current, at most."""
+"""What the sense reads without any current, at most, mA."""
 OVER_NS = 2 * NS_PER_MS
 SAMPLE_NS = NS_PER_MS
 FADE_NS = 200 * NS_PER_US
@@ -36,7 +36,10 @@ _SETTLED_MA = 64  # two looks that differ by less saw the same: one count of the
 
 
 class CoilGuards:
-    """The samples of one armed stretch, from ``begin`` to ``rest``; ``wake`` and ``sample`` only meanwhile."""
+    """The samples of one armed stretch, from ``begin`` to ``rest``; ``wake`` and ``sample`` only meanwhile.
+
+    :param plant: whose supply and current are sampled.
+    """
 
     def __init__(self, plant: Actuators):
         self._plant = plant
@@ -44,12 +47,19 @@ class CoilGuards:
         self.rest(0)
 
     def begin(self, now_ns: int) -> None:
-        """The drivers are fed from now on, and nobody has looked yet."""
+        """The drivers are fed from now on, and nobody has looked yet.
+
+        :param now_ns: world time, ns.
+        """
         self._looked_ns, self._doubted = now_ns, True
         self.wake(now_ns, 0)
 
     def rest(self, now_ns: int) -> int:
-        """Nothing is fed any more. Returns for how long (ns) current may have flowed that no command explains."""
+        """Nothing is fed any more.
+
+        :param now_ns: world time, ns.
+        :return: for how long current may have flowed that no command explains, ns.
+        """
         doubted_ns = now_ns - self._looked_ns if self._doubted else 0
         self.next_ns = NEVER_NS
         self._looked_ns = now_ns
@@ -61,7 +71,11 @@ class CoilGuards:
         return doubted_ns
 
     def wake(self, now_ns: int, on: int) -> None:
-        """Something was switched, with so many coils on until now, or changed from outside."""
+        """Look again soon: something was switched, or changed from outside.
+
+        :param now_ns: world time, ns.
+        :param on: how many coils were on until now.
+        """
         if self.next_ns == NEVER_NS and not self._doubted:
             self._looked_ns = now_ns  # all was in order, and nothing has changed since
         self.next_ns = min(self.next_ns, now_ns + SAMPLE_NS)
@@ -69,9 +83,15 @@ class CoilGuards:
         self._before.append((now_ns, on))
 
     def sample(self, now_ns: int, on: int, min_mv: int, limit_ma: int, longest: int) -> tuple[Trip | None, int]:
-        """Look once; to be called at ``next_ns``. What trips, and how long (ns) current has flowed that no command explains.
+        """Look once; to be called at ``next_ns``.
 
-        :param on: coils that are on by command. The limits are those of ``identity``, in its units.
+        :param now_ns: world time, ns.
+        :param on: how many coils are on by command.
+        :param min_mv: supply below which the guard trips, mV.
+        :param limit_ma: current of all coils above which it trips, mA.
+        :param longest: longest pulse, in units of ``DURATION_UNIT_US``; current that no command explains may last so long.
+        :return: the guard that fired or None, and for how long current has flowed since the last look that no command explains,
+            ns.
         """
         supply_mv, current_ma = round(1000 * self._plant.volts), round(1000 * self._plant.sensed_current_a(now_ns))
         self._before = [(until_ns, was_on) for until_ns, was_on in self._before if until_ns > now_ns - FADE_NS]
@@ -103,5 +123,5 @@ class CoilGuards:
 
 
 def _drawable_ma(coils: int, supply_mv: int) -> float:
-    """The most that so many coils draw at this supply, with the margin."""
+    """Maximum that so many coils draw at this supply, with the margin, mA."""
     return MARGIN * COIL_WORST_MA * coils * supply_mv / (1000 * NOMINAL_VOLTS) + IDLE_MA

@@ -1,9 +1,9 @@
 """The coil board: fifteen H-bridges that are on for a stated time from a stated tick.
 
-A pulse command is taken whole or refused whole. What may stand in its way, in this order: not armed (interlock); a mask,
+A pulse command is taken whole or refused whole. Reasons to refuse it, in this order: not armed (interlock); a mask,
 duration or time out of range; no place in the queue (full, detail 0); a pulse already on one of its channels at that time
 (full, detail the mask of those channels); more coils on at once than the current limit allows, each counted at the
-greatest current a coil can draw (full, detail with bit 15 set); a coil that was on for too long of late (hot, detail the mask
+maximum current a coil can draw (full, detail with bit 15 set); a coil that was on for too long of late (hot, detail the mask
 of those coils). So the limits hold by construction, whatever is queued.
 ``CoilGuards`` watch that what is measured agrees. The feed between supply and drivers is on only while armed.
 """
@@ -34,7 +34,15 @@ _LONGEST_PULSE, _COIL_CURRENT, _QUEUE, _MIN_SUPPLY, _ON_TIME = range(5)  # the o
 
 
 class Pulse(NamedTuple):
-    """One coil on, from edge to edge; in full tick counts, and in world time for the same edges."""
+    """One coil on, from edge to edge.
+
+    :param start_ns: world time at which it goes on, ns.
+    :param end_ns: world time at which it goes off, ns.
+    :param start: the first edge in full tick counts.
+    :param end: the last edge in full tick counts.
+    :param channel: coil, 0 to 14.
+    :param sign: 1 toward the skin, -1 back.
+    """
 
     start_ns: int
     end_ns: int
@@ -45,7 +53,12 @@ class Pulse(NamedTuple):
 
 
 class TactilesBoard(FirmwareModel):
-    """Firmware of the coil board around its fifteen actuators."""
+    """Firmware of the coil board around its fifteen actuators.
+
+    :param options: values of ``BOARD_OPTIONS``, ``plants.tactiles_plant.PLANT_OPTIONS`` and ``current_limit_a``.
+    :param transmitter: line to the host.
+    :param start_ns: world time of power-on, ns.
+    """
 
     kind = Board.TACTILES
     channels = COIL_CHANNELS
@@ -191,13 +204,13 @@ class TactilesBoard(FirmwareModel):
         self._played = [0] * COIL_CHANNELS
 
     def reset(self) -> None:
-        """As of any board. What was to be played is not known to the firmware any more, and counts as played."""
+        """As of any board; what was in the queue the firmware no longer knows, and it is charged to the accounts as if played."""
         for pulse in self._queue:
             self.heat.begin(pulse.channel, _length_s(pulse), self.now_ns)
         super().reset()
 
     def brown_out(self) -> None:
-        """As of any board. What the firmware knew of its coils' heat is lost, but for what it noted."""
+        """As of any board; the accounts of on-time are lost, but for what was noted."""
         super().brown_out()
         self.heat.lose_power(self._max_on_s(), self.now_ns)
 
@@ -218,9 +231,11 @@ class TactilesBoard(FirmwareModel):
     # Seen from outside.
 
     def truth(self) -> dict[str, Any]:
-        """Lists over channels: ``rise_k, position_m, latched, energy_j, switches, coils_on``; channels that are ``fitted``; what
-        was asked ``outside`` of what the level answers for; ``time_ns``, ``supply_v``, ``state``; ``events`` since the last
-        call as ``(time_ns, channel, kind, speed_m_s)``.
+        """The fifteen actuators and the supply as they are now.
+
+        :return: lists over channels: ``rise_k, position_m, latched, energy_j, switches, coils_on``; ``fitted``, the channels that
+            have an actuator; ``outside``, what was asked outside the level's valid range; ``time_ns, supply_v, state``;
+            ``events`` since the last call as ``(time_ns, channel, kind, speed_m_s)``.
         """
         return {**self.plant.truth(self.now_ns), "state": self.state}
 

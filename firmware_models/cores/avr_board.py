@@ -37,8 +37,10 @@ _UART_CYCLES = 8
 class AvrBoard:
     """A board whose firmware runs on a simulated chip. To a cable it is what a ``FirmwareModel`` is, but for ``bytewise``.
 
-    :param kind: which board. :param options: values of ``BOARD_OPTIONS`` and the plant's own, and ``core``.
-    :param transmitter: line to the host. :param start_ns: world time of power-on.
+    :param kind: which board.
+    :param options: values of ``BOARD_OPTIONS`` and the plant's own, and ``core``.
+    :param transmitter: line to the host.
+    :param start_ns: world time of power-on, ns.
     :raises InputError: an option that the chip cannot honour, or no tools to build its image with.
     """
 
@@ -68,10 +70,12 @@ class AvrBoard:
 
     @property
     def state(self) -> State:
+        """As the firmware shows it to a debugger."""
         return State(self.chip.state)
 
     @property
     def faults(self) -> int:
+        """Mask of the latched faults, bit 0 for fault 0, as the firmware shows it to a debugger."""
         return self.chip.faults
 
     @property
@@ -96,17 +100,28 @@ class AvrBoard:
     # Time and bytes.
 
     def next_event(self) -> int:
-        """When this board may do something by itself next: its next interrupt, or soon if it is at work."""
+        """When this board may do something by itself next: its next interrupt, or soon if it is at work.
+
+        :return: world time, ns.
+        """
         return self._cycles.time_ns(self.chip.next)
 
     def advance(self, to_ns: int) -> None:
-        """Run everything due up to and including ``to_ns``."""
+        """Run everything due up to and including ``to_ns``.
+
+        :param to_ns: world time, ns; not before ``now_ns``.
+        :raises HapticsError: the simulated CPU has crashed.
+        """
         self.now_ns = to_ns
         self.chip.lid(self.pins.interlock_closed)
         self.chip.run(self._cycles.count(to_ns) + 1)
 
     def feed(self, data: bytes, times_ns: Sequence[int]) -> None:
-        """Bytes that come in until the next ``advance`` ends, each with the time at which its stop bit does."""
+        """Bytes that come in until the next ``advance`` ends.
+
+        :param data: the bytes.
+        :param times_ns: of each byte, the world time at which its stop bit ends, ns.
+        """
         if data:
             self.chip.feed(data, [self._cycles.count(time_ns) + _UART_CYCLES for time_ns in times_ns])
 
@@ -116,11 +131,19 @@ class AvrBoard:
     # Seen from outside.
 
     def truth(self) -> dict[str, Any]:
-        """As of the Python board: the plant's own, and ``state``."""
+        """As of the Python board.
+
+        :return: the plant's own values by name, and ``state``.
+        """
         return {**self.pins.truth(self.now_ns), "state": self.state}
 
     def set_load(self, channel: int, **load: float) -> None:
-        """Act on the hardware from outside: what the plant's ``load`` takes; ``brown_out`` and ``reset``, not 0: see there."""
+        """Act on the hardware from outside.
+
+        :param channel: coil or output, from 0.
+        :param load: what the plant's ``load`` takes; ``brown_out`` and ``reset``, not 0, do what the methods of these names do.
+        :raises InputError: no such channel, an unknown key, or a value out of range; see the plant's ``load``.
+        """
         browned_out, resets = load.pop("brown_out", 0), load.pop("reset", 0)
         self.pins.set_load(channel, self.now_ns, **load)
         if browned_out:
@@ -129,28 +152,47 @@ class AvrBoard:
             self.reset()
 
     def energised(self) -> list[int]:
-        """Channels that carry current or dangerous volts now."""
+        """Channels that carry current or dangerous volts now.
+
+        :return: channel numbers, from 0, rising.
+        """
         return self.pins.energised(self.now_ns)
 
     # What the chip does.
 
     def outputs(self, word: int, cycle: int) -> None:
-        """See ``lockstep.Around``."""
+        """See ``lockstep.Around``.
+
+        :param word: the output word (docs/reference/boards.md).
+        :param cycle: when it changes, cycles since power-on.
+        """
         self.pins.outputs(word, self._time_ns(cycle))
 
     def convert(self, sense: int, cycle: int) -> int:
-        """See ``lockstep.Around``."""
+        """See ``lockstep.Around``.
+
+        :param sense: number of the analogue input.
+        :param cycle: when it is converted, cycles since power-on.
+        :return: counts, 0 to 1023.
+        """
         return self.pins.counts(sense, self._time_ns(cycle))
 
     def transmit(self, byte: int, ends: int) -> None:
-        """See ``lockstep.Around``. The line is handed whole frames, each so that it ends when its last byte does."""
+        """See ``lockstep.Around``. The line is handed whole frames, each so that it ends when its last byte does.
+
+        :param byte: 0 to 255.
+        :param ends: when its stop bit ends, cycles since power-on.
+        """
         self._frame.append(byte)
         if byte == DELIMITER[0]:
             self._line.send(bytes(self._frame), self._cycles.time_ns(ends) - self._line.duration_ns(len(self._frame)))
             self._frame.clear()
 
     def watchdog(self, cycle: int) -> None:
-        """See ``lockstep.Around``."""
+        """See ``lockstep.Around``.
+
+        :param cycle: when it resets the CPU, cycles since power-on.
+        """
         self._cut(self._time_ns(cycle))
 
     def _reset(self, cause: Cause) -> None:
@@ -170,23 +212,32 @@ class AvrBoard:
 def _check(options: Mapping[str, Any]) -> None:
     if options["tick_offset"] is not None:
         raise InputError(
-            f"tick_offset = {options['tick_offset']} is not allowed with core = avr: the firmware begins its count itself, "
-            f"at {START_TICK}, 10 s before it wraps; allowed: no tick_offset, or core=py or c"
+            f"tick_offset = {options['tick_offset']} is not possible with core = avr: the firmware begins its count itself, "
+            f"at {START_TICK}, 10 s before it wraps; leave tick_offset out, or use core=py or core=c"
         )
     if options["baud"] != BAUD:
         raise InputError(
-            f"baud = {options['baud']} is not allowed with core = avr: the firmware sets its UART to {BAUD}; allowed: {BAUD}"
+            f"baud = {options['baud']} is not possible with core = avr: the firmware sets its UART to {BAUD}; leave baud out"
         )
 
 
 def eeprom(settings: CoreSettings, boots: int) -> bytes:
-    """What a lab would have written into the EEPROM: the settings, their checksum, and the boots so far."""
+    """What a lab would have written into the EEPROM: the settings, their checksum, and the boots so far.
+
+    :param settings: limits and nominal capacitance.
+    :param boots: boots so far, 0 to 2**32 - 1.
+    :return: the first 18 bytes of the EEPROM.
+    """
     packed = struct.pack("<6H", *settings.limits, settings.nominal_pf)
     return packed + struct.pack("<HI", crc16.ibm_sdlc(packed), boots)
 
 
 def boot_id(boots: int) -> int:
-    """The id that the firmware makes of the number of its boots (``firmware/avr/store.c``)."""
+    """The id that the firmware makes of the number of its boots (``firmware/avr/store.c``).
+
+    :param boots: boots so far, this one included, 0 to 2**32 - 1.
+    :return: 0 to 2**32 - 1, another one for each number.
+    """
     for _ in range(2):
         boots = boots * 0x9E3779B1 % _U32
         boots ^= boots >> 15

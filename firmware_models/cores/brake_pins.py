@@ -28,7 +28,9 @@ _AMPS_PER_COUNT = 1e-6
 class BrakePins:
     """Switches, supply and dividers around the plant. Times are world nanoseconds and never go back.
 
-    :param options: values of ``plants.brake_plant.PLANT_OPTIONS`` and ``spread``. :param rng: the plant's own.
+    :param options: values of ``plants.brake_plant.PLANT_OPTIONS`` and ``spread``.
+    :param rng: the plant's own.
+    :param start_ns: world time of power-on, ns.
     """
 
     def __init__(self, options: Mapping[str, Any], rng: np.random.Generator, start_ns: int):
@@ -37,10 +39,15 @@ class BrakePins:
 
     @property
     def interlock_closed(self) -> bool:
+        """Whether the lid is closed."""
         return not self.plant.lid_open
 
     def outputs(self, word: int, time_ns: int) -> None:
-        """The outputs are ``word`` from ``time_ns`` on."""
+        """The outputs are ``word`` from ``time_ns`` on.
+
+        :param word: outputs, piezos, bridge and setpoint, 32 bits (docs/reference/boards.md).
+        :param time_ns: world time, ns.
+        """
         changed, self._word = self._word ^ word, word
         self.plant.set_piezos(word >> _PIEZOS & _ALL, time_ns)
         if not changed & ~(_ALL << _PIEZOS):
@@ -50,12 +57,18 @@ class BrakePins:
         self.plant.pins(word & _ALL, float(word >> _SETPOINT), polarity, bool(word >> _ENABLED & 1), time_ns)
 
     def off(self, time_ns: int) -> None:
-        """The CPU is in reset: outputs shorted, supply off, piezos off."""
+        """The CPU is in reset: outputs shorted, supply off, piezos off.
+
+        :param time_ns: world time, ns.
+        """
         self.outputs(0, time_ns)
 
     def counts(self, sense: int, time_ns: int) -> int:
-        """One analogue input now, 0 to 1023.
+        """One analogue input now.
 
+        :param sense: number of the input, 0 to 9 (docs/reference/boards.md).
+        :param time_ns: world time, ns.
+        :return: counts, 0 to 1023.
         :raises InputError: no such input.
         """
         volts, stage = self.plant.volts(time_ns), self.plant.stage
@@ -75,13 +88,27 @@ class BrakePins:
         raise InputError(f"input = {sense} is not wired on the brake controller; allowed: 0 to {_BUS}")
 
     def truth(self, time_ns: int) -> dict[str, Any]:
-        """The plant as it is now; see ``Brakes.truth``."""
+        """The plant as it is now; see ``Brakes.truth``.
+
+        :param time_ns: world time, ns.
+        :return: values by name.
+        """
         return self.plant.truth(time_ns)
 
     def set_load(self, channel: int, time_ns: int, **load: float) -> None:
-        """Act on the plant from outside; see ``Brakes.load``."""
+        """Act on the plant from outside; see ``Brakes.load``.
+
+        :param channel: output, 0 to 4.
+        :param time_ns: world time, ns.
+        :param load: what ``Brakes.load`` takes.
+        :raises InputError: see ``Brakes.load``.
+        """
         self.plant.load(channel, time_ns, **load)
 
     def energised(self, time_ns: int) -> list[int]:
-        """Outputs that the supply is on, or that have dangerous volts."""
+        """Outputs that the supply is on, or that have dangerous volts.
+
+        :param time_ns: world time, ns.
+        :return: output numbers, 0 to 4, rising.
+        """
         return self.plant.energised(time_ns)

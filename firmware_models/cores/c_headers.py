@@ -28,7 +28,13 @@ _RESISTANCE_SPREAD_OHM = 0.1  # thesis 3.4.3
 
 @dataclass(frozen=True)
 class Constant:
-    """One line of a header: a whole number, its unit, and who says so."""
+    """One line of a header.
+
+    :ivar name: of the macro.
+    :ivar value: a whole number, not below 0.
+    :ivar unit: for the comment; "ticks" makes it 32 bits wide. Empty: none.
+    :ivar source: section of the thesis, page of the documentation, or a word on what it is; may be empty.
+    """
 
     name: str
     value: int
@@ -37,7 +43,10 @@ class Constant:
 
 
 def protocol_header() -> str:
-    """``protocol.h``: types, sizes and field offsets of all messages, and the numbers both sides must agree on."""
+    """``protocol.h``: types, sizes and field offsets of all messages, and the numbers both sides must agree on.
+
+    :return: the file's text.
+    """
     host = [m for m in MESSAGES if m.sender == "host"]
     numbers = (
         Constant("PROTOCOL_VERSION", messages.PROTOCOL_VERSION, "", ""),
@@ -55,11 +64,14 @@ def protocol_header() -> str:
     )
     parts = [_lines(numbers), *(_enum(kind) for kind in (Board, Status, State, Fault)), _accepted(host)]
     parts += [_message(m) for m in MESSAGES]
-    return _file("PROTOCOL_H", "The wire protocol in numbers; docs/reference/protocol.md says what they mean.", parts)
+    return _file("PROTOCOL_H", "The wire protocol in numbers; docs/reference/protocol.md documents them.", parts)
 
 
 def constants_header() -> str:
-    """``constants.h``: limits as built, thresholds of the guards, and what the hardware is made of."""
+    """``constants.h``: limits as built, thresholds of the guards, and what the hardware is made of.
+
+    :return: the file's text.
+    """
     page = "docs/reference/protocol.md"
     worst_coil_ma = math.ceil(1e3 * NOMINAL_VOLTS / (LATCH.resistance_ohm - _RESISTANCE_SPREAD_OHM))
     nominal_f = capacitance_f(BRAKE.overlap_m2, BRAKE.thickness_m, BRAKE.permittivity)
@@ -116,12 +128,19 @@ def constants_header() -> str:
 
 
 def headers() -> dict[Path, str]:
-    """Every generated file and its text."""
+    """Every generated file.
+
+    :return: text by path.
+    """
     return {CORE / "protocol.h": protocol_header(), CORE / "constants.h": constants_header()}
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Write the headers, or with ``--check`` compare them."""
+    """Write the headers, or with ``--check`` compare them.
+
+    :param arguments: of the command line; None takes those of the process.
+    :return: exit code: 1 if ``--check`` found a header out of date.
+    """
     name = "python -m firmware_models.cores.c_headers"
     parser = argparse.ArgumentParser(prog=name, description="C headers of the firmware core")
     parser.add_argument("--check", action="store_true", help="write nothing; exit 1 if a header is out of date")

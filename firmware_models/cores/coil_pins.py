@@ -23,14 +23,21 @@ FULL_SCALE = 1023
 
 
 def count(value: float, per_count: float) -> int:
-    """What a converter makes of a value: the nearest count, 0 to 1023."""
+    """What a converter makes of a value.
+
+    :param value: what is measured.
+    :param per_count: how much of it a count is worth, above 0; the same unit.
+    :return: the nearest count, 0 to 1023.
+    """
     return min(max(round(value / per_count), 0), FULL_SCALE)
 
 
 class CoilPins:
     """Drivers, feed and senses around the plant. Times are world nanoseconds and never go back.
 
-    :param options: values of ``tactiles_plant.PLANT_OPTIONS`` and ``spread``. :param rng: the plant's own.
+    :param options: values of ``tactiles_plant.PLANT_OPTIONS`` and ``spread``.
+    :param rng: the plant's own.
+    :param start_ns: world time of power-on, ns.
     """
 
     interlock_closed = True
@@ -41,7 +48,11 @@ class CoilPins:
         self._word = 0
 
     def outputs(self, word: int, time_ns: int) -> None:
-        """The outputs are ``word`` from ``time_ns`` on."""
+        """The outputs are ``word`` from ``time_ns`` on.
+
+        :param word: drivers, directions and feed, 32 bits (docs/reference/boards.md).
+        :param time_ns: world time, ns.
+        """
         before, self._word = self._word, word
         signs = {channel: _sign(word, channel) for channel in range(COIL_CHANNELS)}
         changes = {channel: sign for channel, sign in signs.items() if sign != _sign(before, channel)}
@@ -51,12 +62,18 @@ class CoilPins:
             self.plant.feed(bool(word & FEED), time_ns)
 
     def off(self, time_ns: int) -> None:
-        """The CPU is in reset: nothing is driven, nothing is fed."""
+        """The CPU is in reset: nothing is driven, nothing is fed.
+
+        :param time_ns: world time, ns.
+        """
         self.outputs(0, time_ns)
 
     def counts(self, sense: int, time_ns: int) -> int:
-        """One analogue input now, 0 to 1023.
+        """One analogue input now.
 
+        :param sense: 0 for the supply (10 mV a count), 1 for the current (64 mA a count).
+        :param time_ns: world time, ns.
+        :return: counts, 0 to 1023.
         :raises InputError: no such input.
         """
         if sense == _SUPPLY:
@@ -66,15 +83,29 @@ class CoilPins:
         raise InputError(f"input = {sense} is not wired on the coil board; allowed: 0, 1")
 
     def truth(self, time_ns: int) -> dict[str, Any]:
-        """The plant as it is now; see ``Actuators.truth``."""
+        """The plant as it is now; see ``Actuators.truth``.
+
+        :param time_ns: world time, ns.
+        :return: values by name.
+        """
         return self.plant.truth(time_ns)
 
     def set_load(self, channel: int, time_ns: int, **load: float) -> None:
-        """Act on the plant from outside; see ``Actuators.load``."""
+        """Act on the plant from outside; see ``Actuators.load``.
+
+        :param channel: coil, 0 to 14.
+        :param time_ns: world time, ns.
+        :param load: what ``Actuators.load`` takes.
+        :raises InputError: see ``Actuators.load``.
+        """
         self.plant.load(channel, time_ns, **load)
 
     def energised(self, time_ns: int) -> list[int]:
-        """Channels whose coil is on."""
+        """Channels whose coil is on.
+
+        :param time_ns: world time, ns; coils switch at once, so that it does not matter.
+        :return: channel numbers, 0 to 14, rising.
+        """
         return self.plant.energised
 
 

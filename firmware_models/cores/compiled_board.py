@@ -80,9 +80,11 @@ def _library() -> ctypes.CDLL:
 class CompiledBoard:
     """A board whose firmware is the C core. To a cable it is what a ``FirmwareModel`` is.
 
-    :param kind: which board. :param options: values of ``BOARD_OPTIONS`` and the plant's own, and ``core``.
-    :param transmitter: line to the host. :param start_ns: world time of power-on.
-    :raises InputError: an option that the core cannot honour.
+    :param kind: which board.
+    :param options: values of ``BOARD_OPTIONS`` and the plant's own, and ``core``.
+    :param transmitter: line to the host.
+    :param start_ns: world time of power-on, ns.
+    :raises InputError: an option that the core cannot honour, or no tools to build the core with.
     """
 
     def __init__(self, kind: Board, options: Mapping[str, Any], transmitter: Line, start_ns: int):
@@ -115,10 +117,12 @@ class CompiledBoard:
 
     @property
     def state(self) -> State:
+        """The core's state."""
         return State(self._library.host_state(self._host))
 
     @property
     def faults(self) -> int:
+        """Mask of the latched faults, bit 0 for fault 0."""
         return self._library.host_faults(self._host)
 
     def brown_out(self) -> None:
@@ -138,11 +142,17 @@ class CompiledBoard:
     # Time and bytes.
 
     def next_event(self) -> int:
-        """When this board does something by itself next."""
+        """When this board does something by itself next.
+
+        :return: world time, ns.
+        """
         return self._next_ns
 
     def advance(self, to_ns: int) -> None:
-        """Run everything due up to and including ``to_ns``."""
+        """Run everything due up to and including ``to_ns``.
+
+        :param to_ns: world time, ns; not before ``now_ns``.
+        """
         while self._next_ns <= to_ns:
             self.now_ns = self._next_ns
             self._library.host_run(self._host, self._tick())
@@ -150,7 +160,10 @@ class CompiledBoard:
         self.now_ns = to_ns
 
     def handle(self, data: bytes) -> None:
-        """Take bytes whose last bit has just come in."""
+        """Take bytes whose last bit has just come in.
+
+        :param data: any bytes: whole frames, parts of them, noise.
+        """
         self._library.host_receive(self._host, data, len(data), self._tick())
         self.replan()
 
@@ -165,11 +178,19 @@ class CompiledBoard:
     # Seen from outside.
 
     def truth(self) -> dict[str, Any]:
-        """As of the Python board: the plant's own, and ``state``."""
+        """As of the Python board.
+
+        :return: the plant's own values by name, and ``state``.
+        """
         return {**self.pins.truth(self.now_ns), "state": self.state}
 
     def set_load(self, channel: int, **load: float) -> None:
-        """Act on the hardware from outside: what the plant's ``load`` takes; ``brown_out`` and ``reset``, not 0: see there."""
+        """Act on the hardware from outside.
+
+        :param channel: coil or output, from 0.
+        :param load: what the plant's ``load`` takes; ``brown_out`` and ``reset``, not 0, do what the methods of these names do.
+        :raises InputError: no such channel, an unknown key, or a value out of range; see the plant's ``load``.
+        """
         browned_out, resets = load.pop("brown_out", 0), load.pop("reset", 0)
         self.pins.set_load(channel, self.now_ns, **load)
         if browned_out:
@@ -178,7 +199,10 @@ class CompiledBoard:
             self.reset()
 
     def energised(self) -> list[int]:
-        """Channels that carry current or dangerous volts now."""
+        """Channels that carry current or dangerous volts now.
+
+        :return: channel numbers, from 0, rising.
+        """
         return self.pins.energised(self.now_ns)
 
     # What the core asks.
@@ -190,7 +214,7 @@ class CompiledBoard:
             self.kind, self._settings, self.boot_id, brown_out, self._tick(), self._memory, ctypes.byref(self._calls), None
         )
         if not self._host:
-            raise InputError(f"core = c has no board of kind {int(self.kind)}, or no memory for it; allowed: core=py")
+            raise InputError(f"core = c has no board of kind {int(self.kind)}, or no memory for it; use core=py")
         self._free = weakref.finalize(self, self._library.host_free, self._host)
         self.replan()
 

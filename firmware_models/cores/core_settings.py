@@ -15,7 +15,11 @@ _MAX_PF = 0xFFFF
 
 
 class CoreSettings(NamedTuple):
-    """``struct settings`` of the core: limits in the order of ``identity.limits``; capacitance of a sound brake."""
+    """``struct settings`` of the core.
+
+    :param limits: in the order and the units of ``identity.limits``.
+    :param nominal_pf: capacitance of a sound brake, 1 to 65535 pF; 0 for the coil board.
+    """
 
     limits: tuple[int, ...]
     nominal_pf: int
@@ -24,6 +28,9 @@ class CoreSettings(NamedTuple):
 def core_settings(kind: Board, options: Mapping[str, Any]) -> CoreSettings:
     """The settings that make the core what the Python board is with these options.
 
+    :param kind: which board.
+    :param options: values of the board's options, and ``core``.
+    :return: the settings.
     :raises InputError: an option that the core, as it is built, cannot follow.
     """
     if kind == Board.BRAKE:
@@ -43,6 +50,6 @@ def _nominal_pf(options: Mapping[str, Any]) -> int:
         raise InputError(
             f"overlap_m2 = {options['overlap_m2']:g} m2 is not allowed with core = {options['core']}: with this thickness and "
             f"permittivity a brake has {nominal_pf} pF, and the firmware's setting goes from 1 to {_MAX_PF} pF; "
-            "allowed: another geometry, or core=py"
+            "choose another geometry, or core=py"
         )
     return nominal_pf

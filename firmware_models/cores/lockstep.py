@@ -38,19 +38,35 @@ class Around(Protocol):
     """What is around the chip; called while it runs, in the order of the cycles."""
 
     def outputs(self, word: int, cycle: int) -> None:
-        """The output word changes."""
+        """The output word changes.
+
+        :param word: 32 bits (docs/reference/boards.md).
+        :param cycle: when, cycles since power-on.
+        """
         ...
 
     def transmit(self, byte: int, ends: int) -> None:
-        """A byte is on its way to the host; its stop bit ends at cycle ``ends``."""
+        """A byte is on its way to the host.
+
+        :param byte: 0 to 255.
+        :param ends: when its stop bit ends, cycles since power-on.
+        """
         ...
 
     def convert(self, sense: int, cycle: int) -> int:
-        """One analogue input, 0 to 1023."""
+        """An analogue input is converted.
+
+        :param sense: number of the input.
+        :param cycle: when, cycles since power-on.
+        :return: counts, 0 to 1023.
+        """
         ...
 
     def watchdog(self, cycle: int) -> None:
-        """The watchdog resets the CPU."""
+        """The watchdog resets the CPU.
+
+        :param cycle: when, cycles since power-on.
+        """
         ...
 
 
@@ -88,7 +104,9 @@ def _library() -> ctypes.CDLL:
 class Lockstep:
     """A chip with an image in its flash, in reset until ``reset``.
 
-    :param image: a .hex file. :param around: held weakly, for it usually holds this.
+    :param kind: which board's wiring is around the chip.
+    :param image: a .hex file.
+    :param around: held weakly, for it usually holds this.
     :raises HapticsError: the image cannot be read.
     """
 
@@ -108,23 +126,35 @@ class Lockstep:
         weakref.finalize(self, self._library.lockstep_free, self._chip)
 
     def reset(self, cause: Cause) -> None:
-        """Reset the CPU now; flash and EEPROM stay."""
+        """Reset the CPU now; flash and EEPROM stay.
+
+        :param cause: what the firmware finds in MCUSR.
+        """
         self._library.lockstep_reset(self._chip, cause)
         self._raise_failure()
 
     def feed(self, data: bytes, ends: Sequence[int]) -> None:
-        """Bytes on the line to the board, each with the cycle at which its stop bit ends."""
+        """Bytes on the line to the board.
+
+        :param data: the bytes.
+        :param ends: of each byte, the cycle at which its stop bit ends; rising.
+        :raises MemoryError: there is no memory to keep them.
+        """
         if not self._library.lockstep_feed(self._chip, data, (_U64 * len(ends))(*ends), len(data)):
             raise MemoryError
 
     def lid(self, closed: bool) -> None:
-        """The lid's contact, from now on."""
+        """The lid's contact, from now on.
+
+        :param closed: whether the lid is.
+        """
         self._library.lockstep_lid(self._chip, closed)
 
     def run(self, until: int) -> None:
         """Run until ``until``, or beyond it by less than one instruction.
 
-        :raises HapticsError: the CPU has stopped for good, by an instruction that there is not.
+        :param until: cycles since power-on.
+        :raises HapticsError: the CPU has stopped for good, at an instruction that does not exist.
         """
         alive = self._library.lockstep_run(self._chip, until)
         self._raise_failure()

@@ -26,6 +26,7 @@ _WITHOUT = "core=py works without"
 def host_library() -> Path:
     """The core as a shared library (``firmware/host/host.h``).
 
+    :return: path of the library.
     :raises InputError: make or a C compiler is missing, or the build failed.
     """
     return _build("host", (_compiler(),)) / "libcore.so"
@@ -34,6 +35,7 @@ def host_library() -> Path:
 def lockstep_library() -> Path:
     """What runs an image on a simulated ATmega328P (``firmware/simavr/lockstep.h``).
 
+    :return: path of the library.
     :raises InputError: make, a C compiler or libsimavr is missing, or the build failed.
     """
     compiler = _compiler()
@@ -43,8 +45,10 @@ def lockstep_library() -> Path:
 
 
 def image(board: str) -> Path:
-    """The image that a board is flashed with, as a .hex file.
+    """The image that a board is flashed with.
 
+    :param board: "tactiles" or "brake".
+    :return: path of the .hex file.
     :raises InputError: no such board, make or avr-gcc is missing, or the build failed.
     """
     one_of("board", board, ("tactiles", "brake"))
@@ -52,7 +56,7 @@ def image(board: str) -> Path:
 
 
 def _missing(what: str, install: str) -> InputError:
-    return InputError(f"{what} not found, which the C firmware is built with; install {install}; {_WITHOUT}")
+    return InputError(f"{what} not found; the C firmware is built with it: install {install}; {_WITHOUT}")
 
 
 def _program(name: str, packages: str) -> str:

@@ -44,7 +44,7 @@ CLOCK_SD = 0.005  # assumed: the sensor's own oscillator, which the data sheet d
 DELAY_S, DELAY_SD_S, MIN_DELAY_S = 0.3e-3, 0.05e-3, 0.1e-3  # assumed: from a sample to the first bit of its line
 SWING_HZ = math.sqrt(STANDARD_GRAVITY_M_S2) / (2.0 * math.pi)  # of a pendulum of 1 m (3.5.1)
 FREQUENCY_SCATTER, AMPLITUDE_SCATTER = 0.04, 0.03  # assumed: sd from landing to landing, as shares
-PHASE_SCATTER_RAD = 0.8  # assumed: sd about a ring that begins at its greatest
+PHASE_SCATTER_RAD = 0.8  # assumed: sd about a ring that begins at its maximum
 PARTIAL_RATIO, PARTIAL_SHARE = 1.9, 0.15  # assumed: second partial of the ring
 _GROUP = 4
 """Samples between two looks at the plant. Each line still goes out at its own time; the world is woken up less often."""
@@ -61,7 +61,13 @@ class _Ring(NamedTuple):
 
 
 class Accelerometer(Instrument):
-    """Acceleration of the pendulum along the pin, in counts."""
+    """Acceleration of the pendulum along the pin, in counts.
+
+    :param options: values of ``options()`` and ``INSTRUMENT_OPTIONS``.
+    :param transmitter: line to the host.
+    :param start_ns: world time of power-on, ns.
+    :param world: where the coil board is.
+    """
 
     kind = "accelerometer"
     board = "tactiles"
@@ -115,11 +121,17 @@ class Accelerometer(Instrument):
     # In groups: what a sample reads is settled by its own time, whenever it is worked out.
 
     def next_event(self) -> int:
-        """When the next group of lines is due."""
+        """When the next group of lines is due.
+
+        :return: world time, ns.
+        """
         return self._taken_ns(self._count + _GROUP - 1) + self._delay_ns
 
     def advance(self, to_ns: int) -> None:
-        """Send the lines due up to and including ``to_ns``."""
+        """Send the lines due up to and including ``to_ns``.
+
+        :param to_ns: world time, ns; not before ``now_ns``.
+        """
         first = last = self._count
         while self._taken_ns(last) + self._delay_ns <= to_ns:
             last += 1

@@ -6,7 +6,7 @@ What goes out, line by line (``docs/reference/instruments.md``)::
     0 25.0625
     1 25.0000
 
-A line that begins with ``#`` says what the instrument is; it comes at power-on, and whenever the host sends ``?`` and a line
+A line that begins with ``#`` states what the instrument is; it comes at power-on, and whenever the host sends ``?`` and a line
 feed. All others are samples: a count from power-on, modulo 65536, and values; a word in place of a value is a fault that the
 instrument itself noticed. An instrument knows the plant only through what it would touch; its noise, lag, drift, range and
 steps are its own, drawn from its seed.
@@ -36,7 +36,8 @@ class Instrument:
     """Base of the simulated instruments.
 
     :param options: values of ``INSTRUMENT_OPTIONS`` and the subclass's own, ``rate_hz`` among them.
-    :param transmitter: line to the host. :param start_ns: world time of power-on.
+    :param transmitter: line to the host.
+    :param start_ns: world time of power-on, ns.
     :param world: where the board is that it measures.
     """
 
@@ -48,7 +49,10 @@ class Instrument:
 
     @classmethod
     def options(cls) -> dict[str, Option]:
-        """URL keys beside ``INSTRUMENT_OPTIONS``."""
+        """URL keys beside ``INSTRUMENT_OPTIONS``.
+
+        :return: default, unit and range by key.
+        """
         raise NotImplementedError
 
     def __init__(self, options: Mapping[str, Any], transmitter: Line, start_ns: int, world: World):
@@ -66,17 +70,27 @@ class Instrument:
     # What a subclass provides.
 
     def header(self) -> dict[str, float | str]:
-        """What the instrument tells of itself."""
+        """What the instrument states about itself in its first line.
+
+        :return: numbers and words by key; keys end in their units.
+        """
         raise NotImplementedError
 
     def sample(self) -> str:
-        """The values of one sample, taken at ``now_ns``."""
+        """One sample, taken at ``now_ns``.
+
+        :return: its values as they are printed, apart by blanks; a word in place of a value is a fault that the instrument
+            noticed.
+        """
         raise NotImplementedError
 
     # What it touches.
 
     def plant(self) -> Any:
-        """The board's plant, carried to now; None where there is no such board in this world."""
+        """The board's plant, carried to now.
+
+        :return: ``Actuators`` or ``Brakes``; None where there is no such board in this world.
+        """
         cable = self._world.members.get(self.board)
         if cable is None:
             return None
@@ -86,11 +100,17 @@ class Instrument:
     # What a cable asks of the device at its end.
 
     def next_event(self) -> int:
-        """Time of the next sample."""
+        """Time of the next sample.
+
+        :return: world time, ns; ``NEVER_NS`` if none will come.
+        """
         return self.start_ns + round(self._period_ns * (self._count + 1))
 
     def advance(self, to_ns: int) -> None:
-        """Take the samples due up to and including ``to_ns``."""
+        """Take the samples due up to and including ``to_ns``.
+
+        :param to_ns: world time, ns; not before ``now_ns``.
+        """
         while (at_ns := self.next_event()) <= to_ns:
             self.now_ns = at_ns
             self._line.send(f"{self._count % INDEX_MODULUS} {self.sample()}\n".encode(), at_ns)
@@ -98,36 +118,53 @@ class Instrument:
         self.now_ns = to_ns
 
     def handle(self, data: bytes) -> None:
-        """Take what the host sent."""
+        """Take what the host sent.
+
+        :param data: any bytes; a line feed ends a line.
+        """
         self._typed += data
         while (end := self._typed.find(b"\n")) >= 0:
             line, self._typed = bytes(self._typed[:end]).strip(), self._typed[end + 1 :]
             self.hear(line.decode("ascii", "replace"))
 
     def hear(self, line: str) -> None:
-        """Deal with one line from the host; anything but ``?`` is ignored."""
+        """Deal with one line from the host; anything but ``?`` is ignored.
+
+        :param line: without its line feed.
+        """
         if line == "?":
             self._introduce()
 
-    def say(self, line: str) -> None:
-        """Send a line of text now."""
+    def send(self, line: str) -> None:
+        """Send a line of text now.
+
+        :param line: ASCII, without a line feed.
+        """
         self._line.send(f"{line}\n".encode(), self.now_ns)
 
     def truth(self) -> dict[str, Any]:
-        """What the instrument was drawn with."""
+        """What the instrument was drawn with.
+
+        :return: values by name; ``time_ns``, ``period_ns`` and the subclass's own.
+        """
         return {"time_ns": self.now_ns, "period_ns": self._period_ns}
 
     def set_load(self, channel: int, **load: float) -> None:
         """An instrument takes no load.
 
+        :param channel: ignored.
+        :param load: ignored but for the message.
         :raises InputError: always.
         """
-        raise InputError(f"load {', '.join(load)} is not for a {self.kind}; allowed: on the board that it measures")
+        raise InputError(f"load {', '.join(load)} does not act on a {self.kind}; set it on the board that it measures")
 
     def energised(self) -> list[int]:
-        """Nothing."""
+        """Nothing: an instrument energises nothing.
+
+        :return: an empty list.
+        """
         return []
 
     def _introduce(self) -> None:
         pairs = " ".join(f"{key}={value}" for key, value in self.header().items())
-        self.say(f"# {self.kind} {pairs}")
+        self.send(f"# {self.kind} {pairs}")

@@ -1,6 +1,6 @@
 """A load cell between the hand and one brake, read by a 24-bit converter: ``sim://loadcell?world=NAME``.
 
-It prints raw counts, as an HX711 gives them; ``counts_per_n`` is what its maker's calibration says, and its own gain is a little
+It prints raw counts, as an HX711 gives them; ``counts_per_n`` is as its maker calibrated it, and its own gain is a little
 off that. The zero is anywhere and drifts. Above 120 % of full scale the cell sits on its stop, beyond 24 bits the converter
 clips. By default the 50 N cell of the published pull tester (Instron 2519, thesis 4.7.2); ``rate_hz=80&full_scale_n=98.1`` is a
 DYLY-108 of 10 kg with an HX711 (6.4.3), which samples at 10 or 80 Hz. Faults to play: ``silent_at_s``, from when on nothing
@@ -26,7 +26,13 @@ _MAX_COUNT = (1 << 23) - 1
 
 
 class LoadCell(Instrument):
-    """Tension of one output's hand, raw counts."""
+    """Tension of one output's hand, raw counts.
+
+    :param options: values of ``options()`` and ``INSTRUMENT_OPTIONS``.
+    :param transmitter: line to the host.
+    :param start_ns: world time of power-on, ns.
+    :param world: where the brake board is.
+    """
 
     kind = "loadcell"
     board = "brake"
@@ -35,7 +41,7 @@ class LoadCell(Instrument):
     def options(cls) -> dict[str, Option]:
         return {
             "rate_hz": Option(500.0, "samples a second", "Hz", 1.0, 2000.0),
-            "full_scale_n": Option(50.0, "greatest force it is made for", "N", 0.1, 1e5),
+            "full_scale_n": Option(50.0, "maximum force it is made for", "N", 0.1, 1e5),
             "counts_per_n": Option(None, f"default {COUNTS_AT_FULL_SCALE:g} at full scale", "1/N", 1e-3, 1e9),
             "noise_n": Option(2e-3, "standard deviation of one sample", "N", 0.0, 100.0),
             "gain": Option(None, f"reading over truth; default drawn, sd {GAIN_SD:g}", "", 0.5, 2.0),
@@ -57,10 +63,10 @@ class LoadCell(Instrument):
         self._last = 0
 
     def header(self) -> dict[str, float | str]:
-        told = self.settings
+        settings = self.settings
         return {
-            "rate_hz": told["rate_hz"],
-            "full_scale_n": told["full_scale_n"],
+            "rate_hz": settings["rate_hz"],
+            "full_scale_n": settings["full_scale_n"],
             "counts_per_n": self.counts_per_n,
             "unit": "count",
         }

@@ -2,7 +2,7 @@
 
 A divider of 1000:1 brings the output's volts, of either sign, down to a converter that takes them at each sample. The shunt
 sits behind a converter that integrates (delta-sigma): it gives the mean current since the sample before, so that the sum over
-samples is charge, however short a peak was. Both print counts; the header says what a count is worth, nominally. The divider
+samples is charge, however short a peak was. Both print counts; the header states what a count is worth, nominally. The divider
 loads the output (``load_ohm``) from when the probe meets a board on. Gains are off by what parts are off, and both
 channels have an offset and noise.
 
@@ -32,7 +32,14 @@ _BLOCK = 1024
 
 
 class Probe(Instrument):
-    """Volts of one output, and the current that the supply gives, in counts."""
+    """Volts of one output, and the current that the supply gives, in counts.
+
+    :param options: values of ``options()`` and ``INSTRUMENT_OPTIONS``.
+    :param transmitter: line to the host.
+    :param start_ns: world time of power-on, ns.
+    :param world: where the brake board is.
+    :raises InputError: ``channel`` is no output of a brake board.
+    """
 
     kind = "probe"
     board = "brake"
@@ -42,8 +49,8 @@ class Probe(Instrument):
         return {
             "baud": Option(2_000_000, "what the instrument's UART is set to", "baud", 300, 4_000_000, whole=True),
             "rate_hz": Option(10_000.0, "samples a second", "Hz", 1.0, 10_000.0),
-            "range_v": Option(2000.0, "greatest volts of either sign", "V", 1.0, 1e5),
-            "range_a": Option(1e-3, "greatest current of either sign", "A", 1e-6, 1.0),
+            "range_v": Option(2000.0, "maximum volts of either sign", "V", 1.0, 1e5),
+            "range_a": Option(1e-3, "maximum current of either sign", "A", 1e-6, 1.0),
             "bits": Option(12, "of both converters", "", 8, 16, whole=True),
             "noise_v": Option(1.0, "standard deviation of one sample", "V", 0.0, 100.0),
             "noise_a": Option(0.5e-6, "standard deviation of one sample", "A", 0.0, 1e-3),
@@ -72,13 +79,13 @@ class Probe(Instrument):
         self._given_c, self._sampled_ns = 0.0, start_ns
 
     def header(self) -> dict[str, float | str]:
-        told, full = self.settings, _full_scale(self.settings)
+        settings, full = self.settings, _full_scale(self.settings)
         return {
-            "rate_hz": told["rate_hz"],
-            "volts_per_count": told["range_v"] / full,
-            "amps_per_count": told["range_a"] / full,
+            "rate_hz": settings["rate_hz"],
+            "volts_per_count": settings["range_v"] / full,
+            "amps_per_count": settings["range_a"] / full,
             "full_scale": full,
-            "load_ohm": told["load_ohm"],
+            "load_ohm": settings["load_ohm"],
         }
 
     def next_event(self) -> int:

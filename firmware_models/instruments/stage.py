@@ -6,7 +6,7 @@
     ?                   <Idle|MPos:10.000,0.000,0.000|FS:0,0>, or <Jog|...>, at once
     0x85 or !           jogs are over: it brakes, and forgets those that wait
 
-It counts the steps it gives the motor: what it tells is where the carriage should be. The carriage goes by the screw's pitch, a
+It counts the steps it gives the motor: what it reports is where the carriage should be. The carriage goes by the screw's pitch, a
 little off; it speeds up and brakes at ``accel_m_s2``. Faults to play: ``slip_n``, the tension at which its clamp slips along the
 strip; ``stuck=1``, the motor turns and the carriage does not; ``locked=1``, it is in alarm and takes no jog.
 """
@@ -40,8 +40,10 @@ _LINE = re.compile(r"\$J=(?:G91|G21|G91G21|G21G91)X(-?[\d.]+)F([\d.]+)")
 class Stage:
     """One axis. Not an instrument that samples; a member of the world as they are.
 
-    :param options: values of ``options()`` and of every instrument. :param transmitter: line to the host.
-    :param start_ns: world time of power-on. :param world: where the brake board is.
+    :param options: values of ``options()`` and of every instrument.
+    :param transmitter: line to the host.
+    :param start_ns: world time of power-on, ns.
+    :param world: where the brake board is.
     """
 
     kind = "stage"
@@ -49,11 +51,14 @@ class Stage:
 
     @classmethod
     def options(cls) -> dict[str, Option]:
-        """URL keys beside those of every instrument."""
+        """URL keys beside those of every instrument.
+
+        :return: default, unit and range by key.
+        """
         return {
             "baud": Option(115_200, "what GRBL's UART is set to", "baud", 300, 4_000_000, whole=True),
             "accel_m_s2": Option(0.5, "speeding up and braking", "m/s2", 1e-3, 100.0),
-            "pitch": Option(None, f"way gone over way asked for; default drawn, sd {PITCH_SD:g}", "", 0.5, 2.0),
+            "pitch": Option(None, f"travel made over travel asked for; default drawn, sd {PITCH_SD:g}", "", 0.5, 2.0),
             "slip_n": Option(None, "tension at which the clamp slips; default: it holds", "N", 0.0, 1e5),
             "stuck": Option(0, "1: the motor turns, the carriage stands", "", 0, 1, whole=True),
             "locked": Option(0, "1: in alarm, takes no jog", "", 0, 1, whole=True),
@@ -72,20 +77,26 @@ class Stage:
         self._at_m = self._speed_m_s = 0.0
         self._hand_m = self._hand_m_s = 0.0
         self._goal_m: float | None = None
-        """Where the move under way ends; None: it stands."""
+        """Where the present move ends; None: it stands."""
         self._fastest_m_s = 0.0
         self._cancelled = False
         self._step_ns = NEVER_NS
-        self.say("\r\nGrbl 1.1h ['$' for help]")
+        self.send("\r\nGrbl 1.1h ['$' for help]")
 
     # What a cable asks of the device at its end.
 
     def next_event(self) -> int:
-        """Time of the next step of the ramp, or of the end of a steady stretch."""
+        """Time of the next step of the ramp, or of the end of a steady stretch.
+
+        :return: world time, ns; ``NEVER_NS`` while it stands.
+        """
         return self._step_ns
 
     def advance(self, to_ns: int) -> None:
-        """Move on up to and including ``to_ns``."""
+        """Move on up to and including ``to_ns``.
+
+        :param to_ns: world time, ns; not before ``now_ns``.
+        """
         while (at_ns := self._step_ns) <= to_ns:
             self._go(at_ns)
             self._plan()
@@ -93,10 +104,13 @@ class Stage:
         self._go(to_ns)
 
     def handle(self, data: bytes) -> None:
-        """Take what the host sent; single bytes that GRBL acts on at once are picked out of any line."""
+        """Take what the host sent; single bytes that GRBL acts on at once are picked out of any line.
+
+        :param data: any bytes; a line feed ends a line.
+        """
         for byte in data:
             if byte == ord("?"):
-                self._tell()
+                self._report()
             elif byte in _CANCEL:
                 self._cancel()
             elif byte == ord("\n"):
@@ -105,12 +119,18 @@ class Stage:
             elif byte != ord("\r"):
                 self._typed.append(byte)
 
-    def say(self, line: str) -> None:
-        """Send a line of text now."""
+    def send(self, line: str) -> None:
+        """Send a line of text now.
+
+        :param line: ASCII, without its end.
+        """
         self._line.send(f"{line}\r\n".encode(), self.now_ns)
 
     def truth(self) -> dict[str, Any]:
-        """Where the carriage should be, where the hand is, and what the stage was drawn with."""
+        """Where the carriage should be, where the hand is, and what the stage was drawn with.
+
+        :return: ``time_ns, at_m`` (by the steps counted), ``hand_m, hand_m_s`` and ``pitch`` (travel made over travel asked for).
+        """
         return {
             "time_ns": self.now_ns,
             "at_m": self._at_m,
@@ -122,47 +142,52 @@ class Stage:
     def set_load(self, channel: int, **load: float) -> None:
         """A stage takes no load.
 
+        :param channel: ignored.
+        :param load: ignored but for the message.
         :raises InputError: always.
         """
-        raise InputError(f"load {', '.join(load)} is not for a stage; allowed: on the board whose brake it pulls")
+        raise InputError(f"load {', '.join(load)} does not act on a stage; set it on the board whose brake it pulls")
 
     def energised(self) -> list[int]:
-        """Nothing."""
+        """Nothing: a stage energises no output.
+
+        :return: an empty list.
+        """
         return []
 
     # Words.
 
     def _hear(self, line: str) -> None:
         if not line:
-            self.say("ok")
+            self.send("ok")
             return
         jog = _LINE.fullmatch(line.replace(" ", "").upper())
         if self.settings["locked"]:
-            self.say(f"error:{_LOCKED}")
+            self.send(f"error:{_LOCKED}")
         elif jog is None:
-            self.say(f"error:{_NO_FEED if line.startswith('$J=') and 'F' not in line else _BAD_STATEMENT}")
+            self.send(f"error:{_NO_FEED if line.startswith('$J=') and 'F' not in line else _BAD_STATEMENT}")
         else:
             self._take_jog(jog[1], jog[2])
 
-    def _take_jog(self, way_mm: str, feed_mm_min: str) -> None:
+    def _take_jog(self, travel_mm: str, feed_mm_min: str) -> None:
         try:
-            way_m, speed_m_s = 1e-3 * float(way_mm), float(feed_mm_min) / 6e4
+            travel_m, speed_m_s = 1e-3 * float(travel_mm), float(feed_mm_min) / 6e4
         except ValueError:
-            self.say(f"error:{_BAD_NUMBER}")
+            self.send(f"error:{_BAD_NUMBER}")
             return
-        if not speed_m_s > 0.0 or abs(way_m) > _FARTHEST_M or len(self._waiting) >= BUFFER:
-            self.say(f"error:{_NO_FEED if speed_m_s <= 0.0 else _BAD_NUMBER}")
+        if not speed_m_s > 0.0 or abs(travel_m) > _FARTHEST_M or len(self._waiting) >= BUFFER:
+            self.send(f"error:{_NO_FEED if speed_m_s <= 0.0 else _BAD_NUMBER}")
             return
-        self._waiting.append((way_m, min(speed_m_s, _FASTEST_M_S)))
-        self.say("ok")
+        self._waiting.append((travel_m, min(speed_m_s, _FASTEST_M_S)))
+        self.send("ok")
         if self._goal_m is None:
             self._plan()
             self._push()
 
-    def _tell(self) -> None:
+    def _report(self) -> None:
         state = "Alarm" if self.settings["locked"] else "Idle" if self._goal_m is None else "Jog"
-        told_mm, feed = 1e3 * self._at_m, 6e4 * abs(self._speed_m_s)
-        self.say(f"<{state}|MPos:{told_mm:.3f},0.000,0.000|FS:{feed:.0f},0>")
+        at_mm, feed = 1e3 * self._at_m, 6e4 * abs(self._speed_m_s)
+        self.send(f"<{state}|MPos:{at_mm:.3f},0.000,0.000|FS:{feed:.0f},0>")
 
     def _cancel(self) -> None:
         self._waiting.clear()
@@ -189,14 +214,14 @@ class Stage:
             return
         accel = self.settings["accel_m_s2"]
         left_m = self._goal_m - self._at_m
-        way = 1.0 if left_m > 0.0 else -1.0
+        direction = 1.0 if left_m > 0.0 else -1.0
         now_m_s, left_m = abs(self._speed_m_s), abs(left_m)
         change_m_s = accel * _STEP_S
-        # From this speed, steps of equal change end where the way does: v^2 / 2 a + v dt / 2 = left.
+        # From this speed, steps of equal change end where the travel does: v^2 / 2 a + v dt / 2 = left.
         braking_m_s = (0.25 * change_m_s**2 + 2.0 * accel * left_m) ** 0.5 - 0.5 * change_m_s
         allowed_m_s = 0.0 if self._cancelled else min(self._fastest_m_s, max(change_m_s, braking_m_s))
         next_m_s = max(now_m_s - change_m_s, min(now_m_s + change_m_s, allowed_m_s))
-        self._speed_m_s = way * next_m_s
+        self._speed_m_s = direction * next_m_s
         steady = next_m_s == self._fastest_m_s and self.settings["slip_n"] is None
         # At full speed there is nothing to plan until it is time to brake.
         until_s = left_m / next_m_s - 0.5 * (next_m_s / accel + _STEP_S) if steady else _STEP_S
@@ -216,8 +241,8 @@ class Stage:
             self._at_m = self._goal_m
         self._cancelled, self._speed_m_s = False, 0.0
         if self._waiting:
-            way_m, self._fastest_m_s = self._waiting.popleft()
-            self._goal_m = self._at_m + way_m
+            travel_m, self._fastest_m_s = self._waiting.popleft()
+            self._goal_m = self._at_m + travel_m
         else:
             self._goal_m = None
 

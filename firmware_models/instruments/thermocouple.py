@@ -25,7 +25,13 @@ _LOOSE_LAG_SHARE = 8.0
 
 
 class Thermocouple(Instrument):
-    """Temperature of one actuator, degrees Celsius."""
+    """Temperature of one actuator, degrees Celsius.
+
+    :param options: values of ``options()`` and ``INSTRUMENT_OPTIONS``.
+    :param transmitter: line to the host.
+    :param start_ns: world time of power-on, ns.
+    :param world: where the coil board is.
+    """
 
     kind = "thermocouple"
     board = "tactiles"

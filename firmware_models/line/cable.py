@@ -15,7 +15,12 @@ BOOT_LOADER_NS = NS_PER_S
 
 
 def make_line(options: Mapping[str, Any], direction: str) -> Line:
-    """One direction of the line, "in" to the host or "out" to the board, with the faults that the options name."""
+    """One direction of the line, with the faults that the options name.
+
+    :param options: ``baud``, and with ``faults`` also ``seed``.
+    :param direction: "in" to the host or "out" to the board; each has draws of its own.
+    :return: the line.
+    """
     faults: LineFaults | None = options.get("faults")
     if faults is None:
         return Line(options["baud"])
@@ -23,11 +28,12 @@ def make_line(options: Mapping[str, Any], direction: str) -> Line:
 
 
 class Cable:
-    """Host end of a device. ``attached`` says whether a host listens; without one the device's bytes are lost.
+    """Host end of a device. ``attached``: whether a host listens; without one the device's bytes are lost.
 
-    :param options: what the device was made with.
     :param board: a ``FirmwareModel`` or an ``Instrument``; fed from ``to_board``, sends into ``to_host``. One that is
         ``bytewise`` has a UART of its own, and is handed each byte with its time.
+    :param to_host: the line into which the board sends.
+    :param options: what the device was made with.
     :param announce: each frame's arrival at the host is an event of the world, as a host that acts on frames needs it; a host
         that looks at an instrument's lines now and then does not.
     """
@@ -44,7 +50,10 @@ class Cable:
         self.unplugged_ns = self.stalled_ns = NEVER_NS
 
     def attach(self, now_ns: int) -> None:
-        """A host listens from now on; what its opening of the port brings about, if the line has such faults."""
+        """A host listens from now on; what its opening of the port brings about, if the line has such faults.
+
+        :param now_ns: world time, ns.
+        """
         self.attached = True
         faults: LineFaults | None = self.options.get("faults")
         if faults is None or not isinstance(self.to_board, FaultyLine) or not isinstance(self.to_host, FaultyLine):
@@ -61,17 +70,26 @@ class Cable:
             self._babbled = True
 
     def set_host_baud(self, baud: int) -> None:
-        """The host talks and listens at ``baud`` from now on."""
+        """The host sends and receives at ``baud`` from now on.
+
+        :param baud: bits a second.
+        """
         self.to_board.baud = baud
         self.to_board.garbled = self.to_host.garbled = not bauds_agree(baud, self.to_host.baud)
 
     def next_event(self) -> int:
-        """Next whole chunk at either end, or the device's own next event."""
+        """Next whole chunk at either end, or the device's own next event.
+
+        :return: world time, ns; ``NEVER_NS`` if nothing will happen.
+        """
         heard_ns = self.to_host.next_after(self.board.now_ns) if self._announce else NEVER_NS
         return min(self.to_board.first_end_ns(), self.board.next_event(), heard_ns)
 
     def advance(self, to_ns: int) -> None:
-        """Carry lines and device to ``to_ns``, each frame handled when its last bit is in."""
+        """Carry lines and device to ``to_ns``, each frame handled when its last bit is in.
+
+        :param to_ns: world time, ns; not before the device's own.
+        """
         if self._bytewise:
             self.board.feed(*self.to_board.take_stamped(to_ns))
         while (arrival_ns := self.to_board.first_end_ns()) <= to_ns:

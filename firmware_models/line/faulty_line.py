@@ -10,9 +10,10 @@ from haptics.link.line_faults import FrameFaults
 class FaultyLine(Line):
     """A ``Line`` whose faults lie beyond the sender: it sends in its own time, and never learns what became of it.
 
-    :param faults: what happens to each frame; a frame is what is sent at once up to a delimiter, or to the end.
-
     ``from_ns``, ``until_ns``: bytes that would arrive before, or after, are lost.
+
+    :param baud: bits a second of the sender.
+    :param faults: what happens to each frame; a frame is what is sent at once up to a delimiter, or to the end.
     """
 
     def __init__(self, baud: int, faults: FrameFaults):
@@ -30,7 +31,11 @@ class FaultyLine(Line):
             first = cut
 
     def make_noise(self, count: int, now_ns: int) -> None:
-        """Random bytes out of the sender, as a pin that floats makes them."""
+        """Random bytes out of the sender, as a pin that floats makes them.
+
+        :param count: how many, not below 0.
+        :param now_ns: world time of the first bit, ns; later if the sender is busy.
+        """
         self._arrive(self._faults.noise(count), max(now_ns, self.busy_until_ns))
 
     def _arrive(self, data: bytes, start_ns: int) -> None:

@@ -57,11 +57,20 @@ class Line:
         self._chunks: deque[_Chunk] = deque()
 
     def duration_ns(self, count: int) -> int:
-        """Time that ``count`` bytes take."""
+        """Time that ``count`` bytes take.
+
+        :param count: bytes.
+        :return: ns.
+        """
         return count * _BITS_NS // self.baud
 
     def send(self, data: bytes, earliest_ns: int) -> int:
-        """Queue ``data`` behind what is under way; returns when its first bit goes out."""
+        """Queue ``data`` behind what is under way.
+
+        :param data: bytes to send.
+        :param earliest_ns: world time before which they are not ready, ns.
+        :return: world time at which the first bit goes out, ns.
+        """
         start_ns = max(earliest_ns, self.busy_until_ns)
         self.busy_until_ns = start_ns + self.duration_ns(len(data))
         if self._pending + len(data) > self._capacity:
@@ -83,18 +92,29 @@ class Line:
             first = cut
 
     def first_end_ns(self) -> int:
-        """When the first chunk is complete, or ``NEVER_NS``."""
+        """When the first chunk is complete.
+
+        :return: world time, ns; ``NEVER_NS`` if none is under way.
+        """
         return self._chunks[0].end_ns if self._chunks else NEVER_NS
 
     def next_after(self, now_ns: int) -> int:
-        """When the first chunk that is not complete at ``now_ns`` will be, or ``NEVER_NS``."""
+        """When the first chunk that is not complete at ``now_ns`` will be.
+
+        :param now_ns: world time, ns.
+        :return: world time, ns; ``NEVER_NS`` if none is under way.
+        """
         for chunk in self._chunks:
             if chunk.end_ns > now_ns:
                 return chunk.end_ns
         return NEVER_NS
 
     def complete_ns(self, count: int) -> int:
-        """When ``count`` unread bytes will have arrived, or ``NEVER_NS`` if fewer are under way."""
+        """When ``count`` unread bytes will have arrived.
+
+        :param count: bytes, from 1.
+        :return: world time, ns; ``NEVER_NS`` if fewer are under way.
+        """
         for chunk in self._chunks:
             here = len(chunk.data) - chunk.taken
             if count <= here:
@@ -103,7 +123,11 @@ class Line:
         return NEVER_NS
 
     def waiting(self, now_ns: int) -> int:
-        """Bytes arrived and not yet read."""
+        """Bytes arrived and not yet read.
+
+        :param now_ns: world time, ns.
+        :return: how many.
+        """
         total = 0
         for chunk in self._chunks:
             here = chunk.arrived(now_ns) - chunk.taken
@@ -113,7 +137,12 @@ class Line:
         return total
 
     def take(self, size: int, now_ns: int) -> bytes:
-        """Up to ``size`` of the bytes that have arrived."""
+        """Read what has arrived.
+
+        :param size: how many bytes at most.
+        :param now_ns: world time, ns.
+        :return: the bytes, oldest first.
+        """
         parts: list[bytes] = []
         while size > 0 and self._chunks:
             chunk = self._chunks[0]
@@ -130,7 +159,11 @@ class Line:
         return b"".join(parts)
 
     def take_stamped(self, now_ns: int) -> tuple[bytes, list[int]]:
-        """All that has arrived, and of each byte the time at which its stop bit ended; for a receiver that is a UART itself."""
+        """All that has arrived; for a receiver that is a UART itself.
+
+        :param now_ns: world time, ns.
+        :return: the bytes, and of each the world time at which its stop bit ended, ns.
+        """
         parts: list[bytes] = []
         times: list[int] = []
         while self._chunks:
@@ -146,21 +179,34 @@ class Line:
         return b"".join(parts), times
 
     def take_chunk(self) -> bytes:
-        """The whole first chunk; for a receiver that waited for ``first_end_ns``."""
+        """The whole first chunk; for a receiver that waited for ``first_end_ns``.
+
+        :return: its bytes that are not read yet.
+        """
         chunk = self._chunks.popleft()
         self._pending -= len(chunk.data) - chunk.taken
         return chunk.data[chunk.taken :]
 
     def in_transit(self, now_ns: int) -> int:
-        """Bytes that have not arrived yet."""
+        """Bytes that have not arrived yet.
+
+        :param now_ns: world time, ns.
+        :return: how many.
+        """
         return self._pending - self.waiting(now_ns)
 
     def drop_arrived(self, now_ns: int) -> None:
-        """Forget what has arrived and was not read."""
+        """Forget what has arrived and was not read.
+
+        :param now_ns: world time, ns.
+        """
         self.take(self._pending, now_ns)
 
     def drop_unsent(self, now_ns: int) -> None:
-        """Forget what has not left yet; a byte whose start bit is out goes through."""
+        """Forget what has not left yet; a byte whose start bit is out goes through.
+
+        :param now_ns: world time, ns.
+        """
         kept: deque[_Chunk] = deque()
         for chunk in self._chunks:
             begun = min(chunk.arrived(now_ns - 1 + self.duration_ns(1)), len(chunk.data))
@@ -172,7 +218,12 @@ class Line:
 
 
 def bauds_agree(a: int, b: int) -> bool:
-    """Whether a receiver at ``b`` reads a sender at ``a``."""
+    """Whether a receiver at ``b`` reads a sender at ``a``.
+
+    :param a: bits a second of the sender.
+    :param b: bits a second of the receiver.
+    :return: true if they differ by at most 3 %.
+    """
     return abs(a - b) <= BAUD_TOLERANCE * b
 
 

@@ -64,10 +64,12 @@ PLANT_OPTIONS: dict[str, Option] = {
 class Brakes:
     """Plants of all outputs. Times are world nanoseconds and never go back.
 
+    ``switched``: called with time, "brake" or "piezo", channel and 1 or 0 whenever an output's drive or a piezo goes on or off.
+
     :param options: values of ``PLANT_OPTIONS`` and ``spread``: overlap, force and volts of this device stray from nominal
         uniformly within ``spread`` times the half-widths above.
-
-    ``switched``: called with time, "brake" or "piezo", channel and 1 or 0 whenever an output's drive or a piezo goes on or off.
+    :param rng: of these draws.
+    :param start_ns: world time at which the plant begins, ns; cold and without volts.
     """
 
     def __init__(self, options: Mapping[str, Any], rng: np.random.Generator, start_ns: int):
@@ -97,7 +99,7 @@ class Brakes:
         self._events: deque[tuple[int, int, str, float]] = deque(maxlen=_EVENTS_KEPT)
         self.switched: list[Callable[[int, str, int, int], None]] = []
         self._start_ns = start_ns
-        self._told_ns, self._told_j = start_ns, 0.0
+        self._reported_ns, self._reported_j = start_ns, 0.0
 
     @property
     def stage(self) -> OutputStage:
@@ -107,48 +109,82 @@ class Brakes:
     # What the firmware does and senses.
 
     def drive(self, mask: int, volts: float, frequency_hz: float, now_ns: int) -> None:
-        """A square wave of this setpoint on the outputs in ``mask``, all others shorted; 0 shorts everything."""
+        """A square wave on some outputs, all others shorted.
+
+        :param mask: outputs, bit 0 for output 0.
+        :param volts: setpoint, V; 0 shorts everything.
+        :param frequency_hz: of the square wave, Hz.
+        :param now_ns: world time, ns.
+        """
         driven = mask if volts else 0
         self._plant.drive(self._seconds(now_ns), driven, self._made_v(volts), frequency_hz)
         self._note_driven(driven, volts, now_ns)
 
     def pins(self, mask: int, volts: float, polarity: int, enabled: bool, now_ns: int) -> None:
-        """What a controller's pins say: outputs in ``mask`` on the bridge, the supply at this setpoint where ``enabled``, bridge
-        polarity +1, -1, or 0: its legs shorted. See ``OutputStage.pins``.
+        """What a controller's pins set; see ``OutputStage.pins``.
+
+        :param mask: outputs on the bridge, bit 0 for output 0; the others are shorted.
+        :param volts: setpoint of the supply, V.
+        :param polarity: of the bridge, +1 or -1; 0: its legs shorted.
+        :param enabled: whether the supply is on.
+        :param now_ns: world time, ns.
         """
         self._plant.pins(self._seconds(now_ns), mask, self._made_v(volts), polarity, enabled)
         self._note_driven(mask if enabled and volts else 0, volts, now_ns)
 
     def energised(self, now_ns: int) -> list[int]:
-        """Outputs that the supply is on, or that have dangerous volts."""
+        """Outputs that the supply is on, or that have dangerous volts.
+
+        :param now_ns: world time, ns.
+        :return: output numbers, 0 to 4, rising.
+        """
         volts = enumerate(self.volts(now_ns))
         return [channel for channel, one_v in volts if self._driven >> channel & 1 or abs(one_v) >= DISCHARGED_VOLTS]
 
     def volts(self, now_ns: int) -> list[float]:
-        """Signed volts on each output."""
+        """Signed volts on each output.
+
+        :param now_ns: world time, ns.
+        :return: V (5,).
+        """
         self.advance(now_ns)
         return self._plant.voltages_v
 
     def highest_v(self, now_ns: int) -> float:
-        """Greatest magnitude anywhere behind the supply."""
+        """Maximum magnitude of the volts anywhere behind the supply.
+
+        :param now_ns: world time, ns.
+        :return: V.
+        """
         volts = self.volts(now_ns)
         return max(self._plant.bus_v, *map(abs, volts))
 
     def supply_current_a(self) -> float:
-        """What the supply gives, as of the last look at volts."""
+        """What the supply gives, as of the last look at volts.
+
+        :return: A.
+        """
         return self._plant.supply_current_a
 
     def supply_charge_c(self, now_ns: int) -> float:
-        """All charge that the supply has given so far, its bleeder's included; looking changes nothing."""
+        """All charge that the supply has given so far, its bleeder's included; looking changes nothing.
+
+        :param now_ns: world time, ns.
+        :return: C.
+        """
         self.advance(now_ns)
         return self._plant.supply_charge_c
 
     def set_piezos(self, mask: int, now_ns: int) -> None:
-        """Vibrate the piezos in ``mask`` and no others."""
+        """Vibrate the piezos in ``mask`` and no others.
+
+        :param mask: bit 0 for piezo 0.
+        :param now_ns: world time, ns.
+        """
         for channel in range(BRAKE_CHANNELS):
             if (mask ^ self._piezos) >> channel & 1:
                 self._events.append((now_ns, channel, "piezo_on" if mask >> channel & 1 else "piezo_off", 0.0))
-                self._tell(now_ns, "piezo", channel, mask >> channel & 1)
+                self._notify(now_ns, "piezo", channel, mask >> channel & 1)
         self._piezos = mask
 
     # What the world does and sees.
@@ -162,14 +198,17 @@ class Brakes:
         hand is that pulls the finger, and how fast it moves from now on. ``bridge_stuck``, ``lid_open`` (0 or 1): whatever the
         channel.
 
+        :param channel: output, 0 to 4.
+        :param now_ns: world time, ns.
+        :param load: numbers by the keys above, in SI units.
         :raises InputError: no such channel, another key, or a number outside its range.
         """
         in_range("channel", channel, 0, BRAKE_CHANNELS - 1)
         unknown = set(load) - set(_LOADS)
         if unknown:
-            raise InputError(f"load {', '.join(sorted(unknown))} is unknown to a brake; allowed: {', '.join(_LOADS)}")
+            raise InputError(f"load {', '.join(sorted(unknown))} is unknown to a brake; known keys: {', '.join(_LOADS)}")
         if "hand_m_s" in load and "hand_m" not in load:
-            raise InputError(f"hand_m_s = {load['hand_m_s']:g} m/s is not allowed alone; allowed: together with hand_m")
+            raise InputError(f"hand_m_s = {load['hand_m_s']:g} m/s needs hand_m with it: where the hand is")
         at_s = self._seconds(now_ns)
         if "pull_n" in load:
             self._pull_n[channel] = in_range("pull_n", load["pull_n"], 0.0, 1e4, "N")
@@ -186,8 +225,11 @@ class Brakes:
             self._plant.move(channel, at_s, load["hand_m"], load.get("hand_m_s", 0.0))
 
     def tension(self, channel: int, now_ns: int) -> float:
-        """What the hand of one output feels, newton: what a load cell between hand and brake reads.
+        """What the hand of one output feels: what a load cell between hand and brake reads.
 
+        :param channel: output, 0 to 4.
+        :param now_ns: world time, ns.
+        :return: N.
         :raises InputError: no such channel.
         """
         in_range("channel", channel, 0, BRAKE_CHANNELS - 1)
@@ -195,15 +237,18 @@ class Brakes:
         return self._plant.tension_n[channel]
 
     def truth(self, now_ns: int) -> dict[str, Any]:
-        """All outputs as they are now; ``events`` are those since the last call, ``supply_power_w`` the mean since then.
+        """All outputs as they are now.
 
-        ``held_n`` and ``slipping`` are about ``pull_n``; ``tension_n`` and ``slip_m`` about the hand.
+        :param now_ns: world time, ns.
+        :return: by name; lists over outputs but for ``time_ns``, ``supply_energy_j``, ``supply_power_w`` (the mean since the last
+            call) and ``events`` (those since the last call). ``held_n`` and ``slipping`` are about ``pull_n``; ``tension_n`` and
+            ``slip_m`` about the hand.
         """
         self.advance(now_ns)
         plant, channels = self._plant, range(BRAKE_CHANNELS)
-        elapsed_s = (now_ns - self._told_ns) / 1e9
-        given_j, self._told_j = plant.supply_energy_j - self._told_j, plant.supply_energy_j
-        self._told_ns = now_ns
+        elapsed_s = (now_ns - self._reported_ns) / 1e9
+        given_j, self._reported_j = plant.supply_energy_j - self._reported_j, plant.supply_energy_j
+        self._reported_ns = now_ns
         events, self._events = sorted(self._events), deque(maxlen=_EVENTS_KEPT)
         capacity_n = plant.capacity_n
         return {
@@ -223,7 +268,10 @@ class Brakes:
         }
 
     def advance(self, now_ns: int) -> None:
-        """Carry everything to ``now_ns``."""
+        """Carry everything to ``now_ns``.
+
+        :param now_ns: world time, ns.
+        """
         plant = self._plant
         plant.advance((now_ns - self._start_ns) / 1e9)
         for event in plant.take_events():
@@ -238,10 +286,10 @@ class Brakes:
             if (driven ^ self._driven) >> channel & 1:
                 on = driven >> channel & 1
                 self._events.append((now_ns, channel, "driven" if on else "shorted", volts if on else 0.0))
-                self._tell(now_ns, "brake", channel, on)
+                self._notify(now_ns, "brake", channel, on)
         self._driven = driven
 
-    def _tell(self, now_ns: int, kind: str, channel: int, on: int) -> None:
+    def _notify(self, now_ns: int, kind: str, channel: int, on: int) -> None:
         for seen in self.switched:
             seen(now_ns, kind, channel, on)
 

@@ -8,7 +8,7 @@ resistance is shared, so that coils which are on together see less: ``V = V0 / (
 Nothing reaches the drivers but through the feed, a switch in the supply. Faults to play: a driver that is stuck on drives its
 coil toward the skin as long as it is fed; a short lies across a coil's wires and draws from the supply whenever the coil is on.
 
-Each landing of a pin is told to whoever listens (an accelerometer); what the pin lands on at the off side is ``surface``.
+Each landing of a pin is reported to its listeners (an accelerometer); what the pin lands on at the off side is ``surface``.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ _RECOIL_ROWS = [row for row in provenance(RECOIL) if row.name != "pendulum_kg"] 
 _RECOIL_DRAWN = ("peak_g", *(f"tau_{surface}_s" for surface in SURFACES))
 
 PLANT_OPTIONS: dict[str, Option] = {
-    "level": Option("dynamic", "model of the latch", choices=tuple(LEVELS)),
+    "level": Option("dynamic", "model of the tactor", choices=tuple(LEVELS)),
     "fitted": Option(_ALL, "channels that have an actuator, as a bit mask", "", 0, _ALL, whole=True),
     "stuck": Option(0, "channels whose pin is stuck at the off stop, as a bit mask", "", 0, _ALL, whole=True),
     "driver_stuck": Option(0, "channels whose driver is stuck on, toward the skin, as a bit mask", "", 0, _ALL, whole=True),
@@ -63,7 +63,13 @@ PLANT_OPTIONS: dict[str, Option] = {
 
 
 class Landing(NamedTuple):
-    """A pin reached a stop: ``time_ns`` of the world, to the nanosecond; ``speed_m_s`` unsigned."""
+    """A pin reached a stop.
+
+    :param time_ns: world time, to the nanosecond.
+    :param channel: actuator, 0 to 14.
+    :param at_off: at the off plate; else at the skin's side.
+    :param speed_m_s: unsigned, m/s.
+    """
 
     time_ns: int
     channel: int
@@ -74,14 +80,16 @@ class Landing(NamedTuple):
 class Actuators:
     """Plants of all channels. Times are world nanoseconds and never go back.
 
-    :param options: values of ``PLANT_OPTIONS`` and ``spread``: coil resistance, tau and c are drawn uniformly within
-        ``spread`` times what the thesis states for their uncertainty (3.4.3, 3.5.2), the recoil's peak and decay within
-        ``spread`` times ``RECOIL_SPREAD``; a parameter that was given is exact.
-    :param fed: whether the feed is on at first: a board begins without, a bench that has no such switch with it.
-
     ``recoils``: what a landing on the off side does at each channel. ``listeners``: called with each ``Landing`` of any channel
-        once the plant is carried past it, in the order of time for each channel. ``switched``: called with time, "coil", channel
-        and 1, -1 or 0 whenever what drives a coil changes.
+    once the plant is carried past it, in the order of time for each channel. ``switched``: called with time, "coil", channel
+    and 1, -1 or 0 whenever what drives a coil changes.
+
+    :param options: values of ``PLANT_OPTIONS`` and ``spread``: coil resistance, tau and c are drawn uniformly within ``spread``
+        times what the thesis states for their uncertainty (3.4.3, 3.5.2), the recoil's peak and decay within ``spread`` times
+        ``RECOIL_SPREAD``; a parameter that was given is exact.
+    :param rng: of these draws.
+    :param start_ns: world time at which the plant begins, ns; cold, all pins off.
+    :param fed: whether the feed is on at first: a board begins without, a bench that has no such switch with it.
     """
 
     def __init__(self, options: Mapping[str, Any], rng: np.random.Generator, start_ns: int, fed: bool = True):
@@ -148,14 +156,22 @@ class Actuators:
         return self.supply_volts / (1.0 + self.supply_ohm * (siemens + self._short_siemens()))
 
     def current_a(self, now_ns: int) -> float:
-        """What all coils draw, and what short-circuits them."""
+        """What all coils draw, and what short-circuits them.
+
+        :param now_ns: world time, ns.
+        :return: A, not below 0.
+        """
         for channel, sign in enumerate(self._signs):
             if sign:
                 self._settle(channel, now_ns)
         return self.sensed_current_a(now_ns)
 
     def sensed_current_a(self, now_ns: int) -> float:
-        """As ``current_a``; looking this way leaves the steps in which heat is counted as they are."""
+        """As ``current_a``, but looking leaves the steps in which heat is counted as they are.
+
+        :param now_ns: world time, ns.
+        :return: A, not below 0.
+        """
         total = self.volts * self._short_siemens()
         for channel, sign in enumerate(self._signs):
             if sign:
@@ -169,23 +185,40 @@ class Actuators:
         return [channel for channel, sign in enumerate(self._signs) if sign]
 
     def rise(self, channel: int, now_ns: int) -> float:
-        """Temperature rise of one actuator now, K."""
+        """Temperature rise of one actuator now.
+
+        :param channel: actuator, 0 to 14.
+        :param now_ns: world time, ns.
+        :return: K.
+        """
         self.carry(channel, now_ns)
         return self.rise_k[channel]
 
     def carry(self, channel: int, now_ns: int) -> None:
-        """Carry one actuator to now; listeners hear its landings, each at most 50 us after it was passed."""
+        """Carry one actuator to now; listeners hear its landings, each at most 50 us after it was passed.
+
+        :param channel: actuator, 0 to 14.
+        :param now_ns: world time, ns.
+        """
         if channel in self._awake:
             self._settle(channel, now_ns)
 
     def switch(self, changes: Mapping[int, int], now_ns: int) -> None:
-        """Put coils on toward the skin (1), back (-1), or off (0); the others feel it through the supply."""
+        """Command coils; the others feel it through the supply.
+
+        :param changes: by channel 1 toward the skin, -1 back, 0 off; channels left out stay as they are.
+        :param now_ns: world time, ns.
+        """
         for channel, sign in changes.items():
             self._asked[channel] = sign
         self._drive(now_ns, set(changes))
 
     def feed(self, on: bool, now_ns: int) -> None:
-        """Switch what feeds all drivers."""
+        """Switch what feeds all drivers.
+
+        :param on: whether they are fed from now on.
+        :param now_ns: world time, ns.
+        """
         self._fed = on
         self._drive(now_ns, set())
 
@@ -195,12 +228,15 @@ class Actuators:
         ``stiffness_n_m`` (0: none) and ``at_m``: a skin under the pin, from so much travel on. ``driver_stuck``, ``coil_short``
         (0 or 1): this channel's fault begins or ends. ``supply_v``, ``supply_ohm``: the supply that all share, from now on.
 
+        :param channel: actuator, 0 to 14.
+        :param now_ns: world time, ns.
+        :param load: numbers by the keys above, in SI units.
         :raises InputError: no such channel, another key, or a number outside its range.
         """
         in_range("channel", channel, 0, COIL_CHANNELS - 1)
         unknown = set(load) - set(_LOADS)
         if unknown:
-            raise InputError(f"load {', '.join(sorted(unknown))} is unknown to an actuator; allowed: {', '.join(_LOADS)}")
+            raise InputError(f"load {', '.join(sorted(unknown))} is unknown to an actuator; known keys: {', '.join(_LOADS)}")
         if channel not in self._plants:
             raise InputError(f"channel = {channel} has no actuator; allowed: {', '.join(map(str, sorted(self._plants)))}")
         for key in set(load) - {"stiffness_n_m", "at_m"}:
@@ -239,7 +275,12 @@ class Actuators:
         return sum(self._coil_short >> channel & 1 for channel in self.energised) / COIL_SHORT_OHM
 
     def truth(self, now_ns: int) -> dict[str, Any]:
-        """All channels as they are now; ``events`` are those since the last call."""
+        """All channels as they are now.
+
+        :param now_ns: world time, ns.
+        :return: by name, lists over channels but for ``time_ns``, ``fitted`` (channels), ``outside`` (words), ``supply_v`` and
+            ``events`` (those since the last call).
+        """
         for channel in self._awake:
             self._settle(channel, now_ns)
         events, self.events = sorted(self.events), deque(maxlen=_EVENTS_KEPT)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from haptics.errors import InputError
 from haptics.recording.hdf5_file import DamagedFile
 from haptics.recording.journal_reader import read_journal
 from haptics.recording.leftovers import advice, is_journal
@@ -16,14 +17,17 @@ from haptics.recording.recording import load
 
 @dataclass(frozen=True)
 class Condition:
-    """What can be said of a file.
+    """What is known of a file's condition.
 
+    :ivar path: the file.
     :ivar kind: ``recording`` or ``journal``.
     :ivar complete: the session ended well and nothing is missing.
-    :ivar lost_bytes: bytes of the journal that are in no recording; None: nobody knows, for the file is damaged.
+    :ivar lost_bytes: bytes of the journal that are in no recording; None: unknown, as the file is damaged.
     :ivar ended: how the session ended where it did not end well; else empty.
-    :ivar damaged: places that are not as they were written; nothing of a damaged recording is believed.
-    :ivar verified: checksums say that what is there is what was written.
+    :ivar damaged: places that are not as they were written; nothing of a damaged recording is used.
+    :ivar verified: checksums confirm that what is there is what was written.
+    :ivar rows: rows by stream; empty if the file is damaged.
+    :ivar header: provenance, as the session wrote it; empty if it cannot be read.
     :ivar notes: what to do, and what else one has to know.
     """
 
@@ -42,9 +46,13 @@ class Condition:
 def condition_of(path: str | os.PathLike[str]) -> Condition:
     """Look at a recording or a journal.
 
+    :param path: the file.
+    :return: its condition.
     :raises InputError: it is neither, or cannot be read.
     """
     path = Path(path)
+    if os.path.isdir(path):  # which raises nothing
+        raise InputError(f"{path} is a folder; expected a recording (.h5 or .journal)")
     if is_journal(path):
         return _of_journal(path)
     try:
@@ -54,7 +62,7 @@ def condition_of(path: str | os.PathLike[str]) -> Condition:
         for name in recording.blobs:
             recording.blob(name)
     except DamagedFile as error:
-        note = "nothing of it is believed; use a copy"
+        note = "nothing of it is used; use a copy"
         return Condition(path, "recording", False, None, "", list(error.places), False, notes=(note,))
     return Condition(
         path,

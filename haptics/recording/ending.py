@@ -18,6 +18,13 @@ from haptics.recording.leftovers import advice
 def finish(journal: Journal, out: str | os.PathLike[str], force: bool, footer: Mapping[str, Any]) -> Finalised:
     """End a session well: its footer, and a recording of it in the journal's place. Signals wait until it is done.
 
+    :param journal: the session's, still open.
+    :param out: the recording to write (``.h5``).
+    :param force: overwrite ``out`` if it exists.
+    :param footer: plain JSON data: how the session ended.
+    :return: what became of the journal.
+    :raises InputError: see ``finalise``; :func:`keep` then reports what there is.
+    :raises HapticsError: the disk is full or gone; :func:`keep` then reports what there is.
     :raises InputError, HapticsError: see ``finalise``; then, and for a signal, :func:`keep` says what there is.
     """
     with unbroken:
@@ -32,7 +39,11 @@ def keep(journal: Journal, out: str | os.PathLike[str], force: bool, error: Base
 
     Never raises for a disk that is full or gone: then the journal stays, if anything does. Signals wait until it is done.
 
-    :returns: what was made here; None where nothing could be, or was before.
+    :param journal: the session's, open or closed.
+    :param out: the recording to write (``.h5``).
+    :param force: overwrite ``out`` if it exists.
+    :param error: what ended the session; gets the note.
+    :return: what was made here; None where nothing could be, or was before.
     """
     with unbroken:
         if journal.recording is not None:  # a signal that came while it was made

@@ -77,6 +77,11 @@ def finalise(
     The recording is written under a temporary name in the same folder, brought to the disk and moved into place, so a
     file under ``out_path`` is always whole.
 
+    :param journal_path: the journal.
+    :param out_path: the recording to write (``.h5``).
+    :param force: overwrite ``out_path`` if it exists.
+    :param keep_journal: do not remove the journal.
+    :return: what became of the journal.
     :raises InputError: no journal, one that was not closed or is damaged (use :func:`recover`), or ``out_path`` exists.
     :raises HapticsError: the recording cannot be written (a full disk); the journal is kept.
     """
@@ -98,6 +103,11 @@ def recover(
 
     The journal is removed only if all its bytes went into the recording.
 
+    :param journal_path: the journal.
+    :param out_path: the recording to write (``.h5``).
+    :param force: overwrite ``out_path`` if it exists.
+    :param keep_journal: do not remove the journal in any case.
+    :return: what became of the journal.
     :raises InputError: no journal, one still being written, one without a single whole segment, or ``out_path`` exists.
     :raises HapticsError: the recording cannot be written (a full disk); the journal is kept.
     """

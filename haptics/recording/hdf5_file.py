@@ -1,9 +1,9 @@
 """HDF5 files written so that a full disk is an error like any other, and read so that no damage is more than an error.
 
-HDF5 that cannot write what it holds may crash the process when it closes the file. So it is never shown that: its bytes go to
-the disk by our own hand, the first failure is kept, and raised when HDF5 is done.
+HDF5 that cannot write what it holds may crash the process when it closes the file. So its bytes go through a file object that
+never fails: it keeps the first failure, which is raised when HDF5 is done.
 
-What is read is what lies in the file itself: links that lead out of it, data kept in other files and filters from elsewhere
+What is read is what lies in the file itself: links out of it, data kept in other files and filters from elsewhere
 are refused, not followed.
 """
 
@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import io
 import math
+import os
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -34,12 +35,14 @@ _LARGEST_RATIO = 1100
 class DamagedFile(InputError):
     """A file that is not as it was written.
 
+    :param path: the file.
+    :param max_listed: how many places the message lists.
     :ivar places: where: datasets by name, or words.
     """
 
-    def __init__(self, path: Path, places: tuple[str, ...], most: int = 8):
-        more = f" and {len(places) - most} more" if len(places) > most else ""
-        super().__init__(f"{path} is damaged, or was changed since it was written: {', '.join(places[:most])}{more}")
+    def __init__(self, path: Path, places: tuple[str, ...], max_listed: int = 8):
+        more = f" and {len(places) - max_listed} more" if len(places) > max_listed else ""
+        super().__init__(f"{path} is damaged, or was changed since it was written: {', '.join(places[:max_listed])}{more}")
         self.places = places
 
 
@@ -88,8 +91,10 @@ class _Sink(io.RawIOBase):
 
 @contextmanager
 def writing(path: Path) -> Iterator[Any]:
-    """A new HDF5 file at ``path``. Signals wait: HDF5 calls :class:`_Sink`, and crashes where that is broken off.
+    """A new HDF5 file. Signals wait: HDF5 calls :class:`_Sink`, and crashes where that is broken off.
 
+    :param path: where to write; what is there is replaced.
+    :return: the open ``h5py.File``, as a context.
     :raises OSError: it cannot be written.
     """
     import h5py
@@ -109,8 +114,10 @@ def writing(path: Path) -> Iterator[Any]:
 def reading(path: Path) -> Iterator[Any]:
     """An HDF5 file that is there.
 
+    :param path: the file.
+    :return: the open ``h5py.File``, as a context.
+    :raises InputError: no such file, a folder, or whatever else goes wrong while it is read.
     :raises DamagedFile: it is cut short.
-    :raises InputError: no such file, or whatever else goes wrong while it is read.
     """
     import h5py
 
@@ -129,14 +136,21 @@ def _unreadable(path: Path, error: Exception) -> InputError:
     cut = _CUT.search(str(error))
     if cut is not None:
         return DamagedFile(path, (f"cut short, {cut[1]} bytes are left of {cut[2]} and more",))
-    other = "file signature not found" in str(error)
-    why = "it does not begin as such a file does" if other else str(error) or type(error).__name__
+    if "file signature not found" in str(error):
+        return InputError(f"{path} is not an HDF5 file: it does not begin as one does")
+    if isinstance(error, OSError) and error.errno is not None:  # HDF5's own text has descriptors and addresses in it
+        why = os.strerror(error.errno)
+    else:
+        why = str(error) or type(error).__name__
     return InputError(f"{path} cannot be read as HDF5: {why}")
 
 
 def group_at(parent: Any, name: str) -> Any:
     """A group in a group.
 
+    :param parent: an ``h5py`` file or group.
+    :param name: of the group wanted.
+    :return: the ``h5py.Group``.
     :raises InputError: there is none that lies in this file.
     """
 
@@ -144,13 +158,16 @@ def group_at(parent: Any, name: str) -> Any:
 
     found = _own(parent, name)
     if not isinstance(found, h5py.Group):
-        raise InputError(f"{parent.file.filename}: {found.name} is no group")
+        raise InputError(f"{parent.file.filename}: {found.name} is not a group")
     return found
 
 
 def dataset_at(parent: Any, name: str) -> Any:
     """A dataset in a group, whose values lie in this file and are no more than it can hold.
 
+    :param parent: an ``h5py`` file or group.
+    :param name: of the dataset wanted.
+    :return: the ``h5py.Dataset``.
     :raises InputError: there is none.
     """
 
@@ -159,15 +176,15 @@ def dataset_at(parent: Any, name: str) -> Any:
     found = _own(parent, name)
     where = f"{parent.file.filename}: {parent.name.rstrip('/')}/{name}"
     if not isinstance(found, h5py.Dataset):
-        raise InputError(f"{where} is no dataset")
+        raise InputError(f"{where} is not a dataset")
     if found.is_virtual or found.external:
-        raise InputError(f"{where} keeps its values in another file, and that is not followed")
+        raise InputError(f"{where} keeps its values in another file, which is not read")
     made = found.id.get_create_plist()
     foreign = [code for code in (made.get_filter(k)[0] for k in range(made.get_nfilters())) if code not in _FILTERS]
     if foreign:
-        raise InputError(f"{where} is packed by filter {foreign[0]}; allowed: {', '.join(_FILTERS.values())}")
+        raise InputError(f"{where} is packed by filter {foreign[0]}; only {', '.join(_FILTERS.values())} are read")
     if found.shape is None:
-        raise InputError(f"{where} holds nothing")
+        raise InputError(f"{where} holds no values")
     claimed = int(np.prod([float(n) for n in found.shape]) * found.dtype.itemsize)
     if claimed > _LARGEST_RATIO * Path(parent.file.filename).stat().st_size:
         raise InputError(f"{where} claims to hold {claimed} bytes, more than the file can")
@@ -186,18 +203,24 @@ def _chunks_missing(dataset: Any) -> bool:
 def column_at(parent: Any, name: str) -> Any:
     """A dataset of numbers, text or bytes of a fixed length.
 
+    :param parent: an ``h5py`` file or group.
+    :param name: of the dataset wanted.
+    :return: the ``h5py.Dataset``.
     :raises InputError: there is none.
     """
     dataset = dataset_at(parent, name)
     if dataset.dtype.names or dataset.dtype.hasobject:
         where = f"{parent.file.filename}: {dataset.name}"
-        raise InputError(f"{where} has type {dataset.dtype}; allowed: numbers, text or bytes of a fixed length")
+        raise InputError(f"{where} has type {dataset.dtype}; expected numbers, text or bytes of a fixed length")
     return dataset
 
 
 def values_at(parent: Any, name: str) -> NDArray[Any]:
     """The values of a dataset.
 
+    :param parent: an ``h5py`` file or group.
+    :param name: of the dataset wanted.
+    :return: all of them, in the dataset's own shape and type.
     :raises InputError: there is none, or it cannot be read.
     """
     dataset = column_at(parent, name)
@@ -208,19 +231,26 @@ def values_at(parent: Any, name: str) -> NDArray[Any]:
 def text_at(parent: Any, name: str) -> str:
     """The text of a dataset that holds one.
 
+    :param parent: an ``h5py`` file or group.
+    :param name: of the dataset wanted.
+    :return: the text.
     :raises InputError: there is none, or it is no text.
     """
     dataset = dataset_at(parent, name)
     with _placed(dataset):
         value = dataset[()]
         if not isinstance(value, bytes):
-            raise InputError(f"{parent.file.filename}: {dataset.name} is no text")
+            raise InputError(f"{parent.file.filename}: {dataset.name} is not text")
         return value.decode()
 
 
 def attribute_of(part: Any, name: str, kind: type | tuple[type, ...]) -> Any:
     """An attribute.
 
+    :param part: an ``h5py`` file, group or dataset.
+    :param name: of the attribute wanted.
+    :param kind: type that it must be of, or several.
+    :return: its value.
     :raises InputError: there is none, or it is of another type.
     """
     where = f"{part.file.filename}: {part.name}"

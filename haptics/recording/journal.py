@@ -33,7 +33,13 @@ ROWS_PER_SEGMENT = 1024
 
 
 class Stream:
-    """Rows of one kind on their way into a journal; from :meth:`Journal.stream`."""
+    """Rows of one kind on their way into a journal; from :meth:`Journal.stream`.
+
+    :param journal: where they go.
+    :param number: of the stream in the journal, from 0 in order of declaration.
+    :param spec: what a row is.
+    :param rows_per_segment: rows that the buffer holds, at least 1.
+    """
 
     __slots__ = ("_buffer", "_bytes", "_count", "_journal", "number", "spec")
 
@@ -45,10 +51,11 @@ class Stream:
         self._count = 0
 
     def append(self, row: tuple[Any, ...] | np.void) -> None:
-        """Buffer one row, its values in the fields' order; commits the journal when the buffer is full.
+        """Buffer one row; commits the journal when the buffer is full.
 
         Text longer than its field is cut at a whole character; a single number fills an array field.
 
+        :param row: its values in the fields' order.
         :raises InputError: values that do not fit the fields; nothing is buffered then.
         :raises HapticsError: the journal is closed or cannot be written.
         """
@@ -56,7 +63,7 @@ class Stream:
         if count == len(self._buffer):
             self._journal.commit()
             count = self._count
-            if count:  # could not be written, and nobody wants to know
+            if count:  # it could not be written, and its writer goes on without
                 return
         try:
             if not isinstance(row, (tuple, np.void)):
@@ -71,15 +78,16 @@ class Stream:
         self._count = count + 1
 
     def extend(self, rows: NDArray[Any]) -> None:
-        """Append a structured array ``(n,)`` with the stream's fields by name.
+        """Append rows.
 
+        :param rows: structured array ``(n,)`` with the stream's fields by name, in any order.
         :raises InputError: other fields, or not one-dimensional.
         :raises HapticsError: the journal is closed or cannot be written.
         """
         if rows.ndim != 1 or set(rows.dtype.names or ()) != set(self.spec.fields):
             raise InputError(
                 f"stream {self.spec.name}: rows of shape {rows.shape} with fields {rows.dtype.names}; "
-                f"allowed: one dimension, fields {', '.join(self.spec.fields)}"
+                f"expected one dimension and the fields {', '.join(self.spec.fields)}"
             )
         done = 0
         while done < len(rows):
@@ -99,7 +107,10 @@ class Stream:
         return self._count
 
     def take(self) -> memoryview:
-        """The buffered rows' bytes, valid until the next row."""
+        """The buffered rows as they are written.
+
+        :return: their bytes, valid until the next row.
+        """
         return self._bytes[: self._count * self._buffer.itemsize]
 
     def acknowledge(self) -> None:
@@ -119,10 +130,14 @@ class Journal:
     """An append-only file of checksummed segments; make one with :meth:`create`.
 
     As a context manager it closes without a footer: what is then in the file is whole, but only
-    :func:`haptics.recording.recover` takes it, because nobody said that the session ended well.
+    :func:`haptics.recording.recover` takes it, because nothing states that the session ended well.
 
-    :ivar raises: whether a write that fails raises. Who makes a device safe sets it to False first: a full disk must not break
-        that off. Then rows that find no place are dropped, and ``error`` says why.
+    :param path: where it is.
+    :param file: open for writing, empty, unbuffered.
+    :param rows_per_segment: rows that a stream buffers before it commits by itself, at least 1.
+    :param fsync: whether each commit also waits for the disk.
+    :ivar raises: whether a write that fails raises. Code that makes a device safe sets it to False first: a full disk must not
+        break that off. Then rows that find no place are dropped, and ``error`` holds the reason.
     """
 
     def __init__(self, path: Path, file: BinaryIO, rows_per_segment: int, fsync: bool):
@@ -150,17 +165,20 @@ class Journal:
         rows_per_segment: int = ROWS_PER_SEGMENT,
         fsync: bool = False,
     ) -> Journal:
-        """Start a journal with ``header`` (plain JSON data: provenance, arguments, seed, plan) as its first segment.
+        """Start a journal.
 
+        :param path: the file to make (``.journal``).
+        :param header: plain JSON data (provenance, arguments, seed, plan): the first segment.
         :param force: overwrite a file that holds nothing: one that was begun when its writer died. A journal with anything in it
             is the only copy of what happened, and is never overwritten.
         :param rows_per_segment: a stream with this many buffered rows commits by itself; at least 1.
         :param fsync: each commit also waits for the disk, so that it survives a loss of power (milliseconds each).
+        :return: the journal, open and locked.
         :raises InputError: the file exists, is being written, cannot be made, or the header is not plain data.
         :raises HapticsError: the system cannot write; no file is left.
         """
         if rows_per_segment < 1:
-            raise InputError(f"rows_per_segment = {rows_per_segment} is not allowed; allowed: at least 1")
+            raise InputError(f"rows_per_segment = {rows_per_segment}; expected at least 1")
         path = Path(path)
         payload = _json("header", header)
         refuse_leftover(path, force)
@@ -168,7 +186,7 @@ class Journal:
         try:
             file = os.fdopen(os.open(path, flags, 0o666), "r+b", buffering=0)
         except OSError as error:
-            raise InputError(f"{path}: no journal can be made there: {error.strerror or error}") from error
+            raise InputError(f"{path}: the journal cannot be made: {error.strerror or error}") from error
         if not try_lock(file):
             file.close()
             raise InputError(f"{path}: another process is still writing this journal")
@@ -191,6 +209,11 @@ class Journal:
     ) -> Stream:
         """Declare a stream; see :class:`~haptics.recording.StreamSpec` for what a row may hold.
 
+        :param name: lower-case letters, digits and ``_``.
+        :param dtype: type of a row, its first field ``time_ns`` (int64).
+        :param units: by field; fields without a unit left out. None: no field has one.
+        :param description: a sentence on what it holds.
+        :return: where to append rows.
         :raises InputError: the name is taken, or the fields or units cannot be recorded.
         """
         return self.declare(StreamSpec(name, dtype, units or {}, description))
@@ -198,6 +221,8 @@ class Journal:
     def declare(self, spec: StreamSpec) -> Stream:
         """Declare a stream by its specification.
 
+        :param spec: what a row is.
+        :return: where to append rows.
         :raises InputError: the name is taken.
         """
         if spec.name in self._streams:
@@ -208,23 +233,26 @@ class Journal:
         return stream
 
     def blob(self, name: str, data: bytes) -> None:
-        """Attach ``data`` (a configuration file, a plan) under ``name``; acknowledged on return.
+        """Attach a file (a configuration, a plan); acknowledged on return.
 
+        :param name: up to 255 letters, digits and ``_ . -``.
+        :param data: its bytes, fewer than 4 GiB.
         :raises InputError: the name is taken or is no plain file name, or the data is 4 GiB or more.
         """
         if not BLOB_NAME.fullmatch(name):
-            raise InputError(f"attachment name = {name!r} is not allowed; allowed: up to 255 letters, digits and _ . -")
+            raise InputError(f"attachment name = {name!r}; expected up to 255 letters, digits and _ . -")
         if name in self._blobs:
             raise InputError(f"attachment {name!r} is given twice in {self.path}")
         self._put(Kind.BLOB, len(name).to_bytes(2, "little") + name.encode() + data)
         self._blobs.add(name)
 
     def commit(self, fsync: bool | None = None) -> int:
-        """Hand every buffered row to the operating system; returns how many rows that acknowledged.
+        """Hand every buffered row to the operating system.
 
         :param fsync: wait for the disk too; by default as chosen in :meth:`create`.
-        :raises HapticsError: closed, or the system cannot write (a full disk). The rows stay buffered, the file stays
-            whole up to the last commit, and a later commit tries again.
+        :return: how many rows that acknowledged.
+        :raises HapticsError: closed, or the system cannot write (a full disk). The rows stay buffered, the file stays whole up to
+            the last commit, and a later commit tries again.
         """
         full = [stream for stream in self._streams.values() if stream.buffered]
         rows = 0
@@ -247,8 +275,9 @@ class Journal:
         return rows
 
     def close(self, footer: Mapping[str, Any] | None = None) -> None:
-        """Commit, write the footer (plain JSON data) that says the session ended well, and close; twice is once.
+        """Commit, write the footer, which states that the session ended well, and close; twice is once.
 
+        :param footer: plain JSON data; None: an empty one.
         :raises InputError: the footer is not plain data.
         :raises HapticsError: the system cannot write.
         """
@@ -260,7 +289,10 @@ class Journal:
         self._release()
 
     def abandon(self) -> None:
-        """Commit and close without the footer: only :func:`haptics.recording.recover` takes what is there."""
+        """Commit and close without the footer: only :func:`haptics.recording.recover` takes what is there.
+
+        :raises HapticsError: the system cannot write; it is closed all the same.
+        """
         if self._file is not None:
             try:
                 self.commit()
@@ -275,7 +307,9 @@ class Journal:
 
     def _put(self, kind: Kind, payload: bytes, stream: int = 0) -> None:
         if len(payload) > MAX_PAYLOAD_BYTES:
-            raise InputError(f"{self.path}: a {kind.name.lower()} of {len(payload)} bytes; allowed: up to {MAX_PAYLOAD_BYTES}")
+            raise InputError(
+                f"{self.path}: a {kind.name.lower()} of {len(payload)} bytes; a segment holds at most {MAX_PAYLOAD_BYTES}"
+            )
         with unbroken:
             self._write(b"".join(pack(kind, stream, self._segments, payload)), 1)
 

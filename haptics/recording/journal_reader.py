@@ -16,13 +16,20 @@ from haptics.errors import InputError
 from haptics.recording.segments import HEAD_BYTES, MAGIC, Damage, Kind, Segment, scan
 from haptics.recording.streams import BLOB_NAME, StreamSpec
 
+_HDF5 = b"\x89HDF"
+"""How a recording begins."""
+
 
 @dataclass
 class JournalContents:
     """What a journal holds. Rows and attachments are read from the file when asked for, so it has to stay.
 
-    ``footer`` is ``None`` unless the session ended well. ``damage`` says where reading stopped and why, if it stopped
-    before the file's end; ``dropped_bytes`` is how much of the file that leaves out.
+    :ivar path: the file.
+    :ivar header: provenance, as the session wrote it; None if the file ends before it.
+    :ivar footer: what the session wrote last; None unless it ended well.
+    :ivar streams: what each stream's rows are, by name, in order of declaration.
+    :ivar damage: where reading stopped and why, if it stopped before the file's end.
+    :ivar dropped_bytes: how much of the file that leaves out.
     """
 
     path: Path
@@ -47,6 +54,8 @@ class JournalContents:
     def blob(self, name: str) -> bytes:
         """An attachment.
 
+        :param name: one of ``blobs``.
+        :return: its bytes.
         :raises InputError: there is none of that name.
         """
         if name not in self._blobs:
@@ -55,12 +64,19 @@ class JournalContents:
             return _part(file, *self._blobs[name])
 
     def count(self, name: str) -> int:
-        """Number of rows of a stream."""
+        """Number of rows of a stream.
+
+        :param name: one of ``streams``.
+        :return: rows.
+        :raises KeyError: there is no such stream.
+        """
         return sum(length for _, length in self._rows[name]) // self.streams[name].dtype.itemsize
 
     def batches(self, name: str) -> Iterator[NDArray[np.void]]:
         """The stream's rows, one committed segment at a time.
 
+        :param name: one of ``streams``.
+        :return: structured arrays ``(n,)``.
         :raises InputError: there is no such stream.
         """
         if name not in self.streams:
@@ -70,8 +86,10 @@ class JournalContents:
                 yield np.frombuffer(_part(file, *place), self.streams[name].dtype)
 
     def stream(self, name: str) -> NDArray[np.void]:
-        """All rows of a stream ``(n,)``.
+        """All rows of a stream.
 
+        :param name: one of ``streams``.
+        :return: structured array ``(n,)``, in the order they were recorded.
         :raises InputError: there is no such stream.
         """
         return np.concatenate([*self.batches(name), np.zeros(0, self.streams[name].dtype)])
@@ -83,23 +101,31 @@ def read_journal(path: str | os.PathLike[str]) -> JournalContents:
     Damage never raises: reading stops at the first torn or wrong segment. A file cut inside its first line reads as an
     empty journal.
 
-    :raises InputError: there is no such file, or it is no journal (with the place where it differs).
+    :param path: the file.
+    :return: what it holds, up to where it is damaged.
+    :raises InputError: there is no such file, it is a folder, or it is not a journal (with the place where it differs).
     """
     path = Path(path)
     try:
         with path.open("rb") as file:
             size = os.fstat(file.fileno()).st_size
             start = file.read(len(MAGIC))
+            if start.startswith(_HDF5):
+                raise InputError(f"{path} is an HDF5 file; expected a journal (.journal)")
             if not MAGIC.startswith(start):
                 at = next(place for place, (seen, due) in enumerate(zip(start, MAGIC, strict=False)) if seen != due)
-                raise InputError(f"{path}: byte {at} differs from {MAGIC!r}; this is no haptics journal")
+                raise InputError(f"{path} is not a haptics journal: byte {at} differs from its first line, {MAGIC!r}")
             contents = JournalContents(path)
             if len(start) < len(MAGIC):
                 contents.damage = Damage(0, "the file ends inside its first line", torn=True)
             else:
                 contents.damage = _fill(contents, file)
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file") from None
     except OSError as error:
-        raise InputError(f"{path}: cannot read the journal: {error.strerror}") from error
+        if os.path.isdir(path):
+            raise InputError(f"{path} is a folder; expected a journal (.journal)") from error
+        raise InputError(f"{path} cannot be read: {error.strerror or error}") from error
     if contents.damage is not None:
         contents.dropped_bytes = size - contents.damage.offset
     return contents

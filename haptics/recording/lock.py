@@ -1,4 +1,4 @@
-"""A lock that tells a journal under way from one that a crash left. The system drops it with the process.
+"""A lock that separates a journal under way from one that a crash left. The system drops it with the process.
 
 Where there is no ``fcntl`` (Windows) nothing is locked: there the system itself refuses to remove a file that is open.
 """
@@ -10,7 +10,11 @@ from typing import IO
 
 
 def try_lock(file: IO[bytes]) -> bool:
-    """Take the lock of an open file until it is closed; ``False`` if another holder has it."""
+    """Take the lock of an open file until it is closed.
+
+    :param file: open in any mode.
+    :return: false if another holder has it; true also where there are no locks.
+    """
     try:
         import fcntl
     except ImportError:
@@ -25,9 +29,13 @@ def try_lock(file: IO[bytes]) -> bool:
 
 
 def being_written(path: Path) -> bool:
-    """Whether a running process holds the lock of a journal."""
+    """Whether a running process holds the lock of a journal.
+
+    :param path: the journal.
+    :return: false also if it cannot be read, and where there are no locks.
+    """
     try:
         with path.open("rb") as file:
             return not try_lock(file)
-    except OSError:  # nobody can write what cannot even be read
+    except OSError:  # what cannot even be read cannot be written
         return False

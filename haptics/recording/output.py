@@ -12,7 +12,12 @@ from haptics.errors import HapticsError, InputError
 
 
 def refuse_existing(path: Path, force: bool) -> None:
-    """:raises InputError: ``path`` exists and ``force`` is not given, is a folder or a device, or cannot be a file at all."""
+    """Refuse a path where no file can or may be written.
+
+    :param path: the file to write.
+    :param force: it may exist already.
+    :raises InputError: it exists and ``force`` is not given, it is a folder or a device, or it cannot be a file at all.
+    """
     try:
         in_folder, there = path.parent.is_dir(), path.exists()
         folder, file = path.is_dir(), path.is_file()
@@ -21,20 +26,23 @@ def refuse_existing(path: Path, force: bool) -> None:
     if not in_folder:
         raise InputError(f"{path}: there is no folder {path.parent}")
     if folder:
-        raise InputError(f"{path} is a folder; a file name is wanted")
+        raise InputError(f"{path} is a folder; expected a file name")
     if there and not file:
-        raise InputError(f"{path} is a device or a pipe; a file name is wanted")
+        raise InputError(f"{path} is a device or a pipe; expected a file name")
     if there and not force:
-        raise InputError(f"{path} exists and is not overwritten; choose another name or force it (--force)")
+        raise InputError(f"{path} exists and is not overwritten; choose another name or overwrite it (--force)")
 
 
 def with_suffix(path: Path, suffix: str) -> Path:
     """The file beside ``path`` with another ending.
 
+    :param path: a file.
+    :param suffix: with its dot.
+    :return: the other file.
     :raises InputError: ``path`` has no name: it is empty, ``.`` or ``/``.
     """
     if not path.name:
-        raise InputError(f"{path} is a folder; a file name is wanted")
+        raise InputError(f"{path} is a folder; expected a file name")
     return path.with_suffix(suffix)
 
 
@@ -42,28 +50,34 @@ def check_outputs(outputs: Mapping[str, Path | None], force: bool, inputs: Mappi
     """Look, before anything takes time or is energised, whether all outputs can be written.
 
     :param outputs: paths by the option that names each; None is not written.
+    :param force: files may exist already.
     :param inputs: files that are read, likewise; no output may take the place of one.
     :raises InputError: as :func:`refuse_existing`; two options name one file, by whatever path; or nothing can be written there.
     """
     named = {option: path for option, path in outputs.items() if path is not None}
     for (one, first), (other, second) in itertools.combinations(named.items(), 2):
         if same_file(first, second):
-            raise InputError(f"{one} = {first} and {other} = {second} are the same file; allowed: a name for each")
+            raise InputError(f"{one} = {first} and {other} = {second} are the same file; give each its own name")
     for option, path in named.items():
         for what, read in (inputs or {}).items():
             if same_file(path, read):
-                raise InputError(f"{option} = {path} is what is read as {what}; allowed: another name")
+                raise InputError(f"{option} = {path} is the file read as {what}; choose another name")
     for path in named.values():
         refuse_existing(path, force)
     for path in named.values():
         try:
             _begun(path).unlink(missing_ok=True)
         except OSError as error:
-            raise InputError(f"{path} cannot be written: {error.strerror or error}; allowed: another place") from error
+            raise InputError(f"{path} cannot be written: {error.strerror or error}; choose another place") from error
 
 
 def same_file(one: Path, other: Path) -> bool:
-    """Whether two paths lead to one file, which need not exist: by links, or said in another way."""
+    """Whether two paths lead to one file, which need not exist: by links, or spelled in another form.
+
+    :param one: a path.
+    :param other: a path.
+    :return: whether they do.
+    """
     if os.path.realpath(one) == os.path.realpath(other):
         return True
     try:
@@ -74,8 +88,11 @@ def same_file(one: Path, other: Path) -> bool:
 
 @contextmanager
 def replacing(path: Path, force: bool) -> Iterator[Path]:
-    """A temporary name beside ``path`` to write to; on success it takes the place of ``path``, on failure it goes.
+    """A temporary name to write to; on success it takes the place of ``path``, on failure it goes.
 
+    :param path: the file to write.
+    :param force: overwrite it if it exists.
+    :return: a path in the same folder, as a context; the file there is empty at first.
     :raises InputError: as :func:`refuse_existing`.
     :raises HapticsError: the system cannot write it: the disk is full, read-only, or gone.
     """
@@ -98,6 +115,7 @@ def replacing(path: Path, force: bool) -> Iterator[Path]:
 def make_folder(path: Path) -> None:
     """Make a folder, and those it lies in, unless it is there.
 
+    :param path: the folder.
     :raises InputError: none can be made.
     """
     try:
@@ -107,7 +125,7 @@ def make_folder(path: Path) -> None:
 
 
 def _begun(path: Path) -> Path:
-    """The temporary file, empty: that it can be made says that there is a place to write."""
+    """The temporary file, empty: that it can be made shows that there is a place to write."""
     partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
     partial.open("wb").close()
     return partial

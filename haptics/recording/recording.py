@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from haptics.errors import InputError
 from haptics.recording.hdf5 import SCHEMA
 from haptics.recording.hdf5_file import DamagedFile, attribute_of, dataset_at, group_at, reading, text_at, values_at
+from haptics.recording.leftovers import advice, is_journal
 from haptics.recording.seal import check_seal
-from haptics.recording.segments import MAGIC
 from haptics.recording.streams import StreamSpec
 
 _UNSEALED = 1
@@ -29,6 +29,9 @@ _UNSEALED = 1
 class Recording:
     """A finished recording; open one with :func:`load`. Each stream is read when first asked for, and kept.
 
+    :param path: the file.
+    :param file: the same, an open ``h5py.File``.
+    :param verified: it has a seal, and its bytes agree with it.
     :ivar path: the file.
     :ivar schema: version of the file's layout.
     :ivar header: what the session wrote first (provenance).
@@ -36,7 +39,8 @@ class Recording:
     :ivar complete: the session ended well and nothing is missing.
     :ivar lost_bytes: bytes of the journal that could not be recovered.
     :ivar damage: where and why recovery stopped, or empty.
-    :ivar verified: its bytes are those that were written; of an older layout nobody knows.
+    :ivar verified: its bytes are those that were written; unknown, and false, for an older layout.
+    :ivar blobs: names of the attachments.
     :ivar streams: the streams by name, with fields, units and a description.
     :ivar counts: rows by stream.
     """
@@ -68,7 +72,7 @@ class Recording:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What one who uses it has to know: that it is incomplete, that nobody can say whether it is damaged."""
+        """What its user has to know: that it is incomplete, that damage to it cannot be seen."""
         found = [] if self.complete else [f"incomplete: {self.damage} ({self.lost_bytes} bytes lost)"]
         if not self.verified:
             found.append("unverified: written without checksums, so that damage cannot be seen")
@@ -78,8 +82,10 @@ class Recording:
         return name in self.streams
 
     def stream(self, name: str) -> NDArray[np.void]:
-        """All rows of a stream ``(n,)`` in the order they were recorded; do not change them.
+        """All rows of a stream, in the order they were recorded; do not change them.
 
+        :param name: one of ``streams``.
+        :return: structured array ``(n,)``, read-only.
         :raises InputError: there is no such stream, or the file was changed or has become unreadable.
         """
         if name not in self.streams:
@@ -99,6 +105,8 @@ class Recording:
     def blob(self, name: str) -> bytes:
         """An attachment.
 
+        :param name: one of ``blobs``.
+        :return: its bytes.
         :raises InputError: there is none of that name, or the file was changed or has become unreadable.
         """
         if name not in self.blobs:
@@ -117,22 +125,24 @@ class Recording:
 def load(path: str | os.PathLike[str]) -> Recording:
     """Open a recording.
 
-    :raises DamagedFile: it is damaged; the message says where.
-    :raises InputError: no such file, no recording, an unfinished one, or one of a later version (the message says what to do).
+    :param path: the file (``.h5``).
+    :return: the recording; rows are read later.
+    :raises DamagedFile: it is damaged; the message states where.
+    :raises InputError: no such file, a folder, no recording, an unfinished one, or one of a later version (the message states
+        what to do).
     """
     path = Path(path)
     found = check_seal(path)
     if found is not None and not found.whole:
         raise DamagedFile(path, found.damage)
-    advice = _journal_advice(path)
-    if advice:
-        raise InputError(f"{path} cannot be read as HDF5{advice}")
+    if is_journal(path):
+        raise InputError(f"{path} is a journal, not a recording; make one of it: {advice(path)}")
     with reading(path) as file:
         schema = file.attrs.get("haptics_schema")
         if schema is None:
-            raise InputError(f"{path} is HDF5 but no finished haptics recording: it has no attribute haptics_schema")
+            raise InputError(f"{path} is HDF5 but not a finished haptics recording: it has no attribute haptics_schema")
         if not isinstance(schema, np.integer) or schema < 1:
-            raise InputError(f"{path}: haptics_schema = {schema!r} is not allowed; allowed: 1 to {SCHEMA}")
+            raise InputError(f"{path}: haptics_schema = {schema!r}; expected a layout from 1 to {SCHEMA}")
         if schema > SCHEMA:
             raise InputError(
                 f"{path} has layout {schema}; this version of haptics reads layouts 1 to {SCHEMA}: "
@@ -141,15 +151,6 @@ def load(path: str | os.PathLike[str]) -> Recording:
         if found is None and schema > _UNSEALED:
             raise DamagedFile(path, ("the seal at its end is missing",))
         return Recording(path, file, verified=found is not None)
-
-
-def _journal_advice(path: Path) -> str:
-    try:
-        with path.open("rb") as file:
-            journal = file.read(len(MAGIC)) == MAGIC
-    except OSError:
-        return ""
-    return f": it is a journal; recover it: haptics recording recover {path}" if journal else ""
 
 
 def _state(path: Path) -> tuple[int, int, int]:
@@ -167,9 +168,9 @@ def _object(group: Any, name: str) -> dict[str, Any]:
     try:
         data = json.loads(text)
     except (ValueError, RecursionError) as error:
-        raise InputError(f"{group.file.filename}: {group.name}/{name} is no JSON: {error}") from error
+        raise InputError(f"{group.file.filename}: {group.name}/{name} is not JSON: {error}") from error
     if not isinstance(data, Mapping):
-        raise InputError(f"{group.file.filename}: {group.name}/{name} is no JSON object")
+        raise InputError(f"{group.file.filename}: {group.name}/{name} is not a JSON object")
     return dict(data)
 
 
@@ -189,4 +190,4 @@ def _stream(group: Any, name: str) -> tuple[StreamSpec, int]:
         row = np.dtype([(field, np.dtype(column.dtype.str), column.shape[1:]) for field, column in columns.items()])
         return StreamSpec(name, row, units, description), rows["time_ns"]
     except (TypeError, ValueError) as error:
-        raise InputError(f"{where} is no stream: {error}") from error
+        raise InputError(f"{where} is not a stream: {error}") from error

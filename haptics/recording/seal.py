@@ -7,7 +7,7 @@
     the last line        ``haptics seal 1`` and three numbers: bytes of HDF5, bytes of the directory, SHA-256 of both
 
 A file is held against its seal before HDF5 looks at it, so that damage meets no library that may stumble over it. The directory
-says which part is damaged, and whether it is one.
+names the part that is damaged, if it is one.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ _PIECE_BYTES = 1 << 20
 
 @dataclass(frozen=True)
 class Seal:
-    """What a file's seal says of it.
+    """What a file's seal states about it.
 
     :ivar whole: every byte is as it was written.
     :ivar damage: where it is not: datasets by name, or words; empty if all is well.
@@ -46,6 +46,7 @@ class Seal:
 def seal(path: Path) -> None:
     """Put a seal at the end of a closed HDF5 file that has none.
 
+    :param path: the file.
     :raises OSError: it cannot be written.
     """
     parts = _places(path)
@@ -61,9 +62,11 @@ def seal(path: Path) -> None:
 
 
 def check_seal(path: Path) -> Seal | None:
-    """Hold a file against its seal; None if it has none.
+    """Hold a file against its seal.
 
-    :raises InputError: the file cannot be read.
+    :param path: the file.
+    :return: what the seal states; None if the file has none.
+    :raises InputError: there is no such file, it is a folder, or it cannot be read.
     """
     try:
         with path.open("rb") as file:
@@ -83,6 +86,8 @@ def check_seal(path: Path) -> Seal | None:
     except FileNotFoundError:
         raise InputError(f"{path}: no such file") from None
     except OSError as error:
+        if os.path.isdir(path):
+            raise InputError(f"{path} is a folder; expected a recording (.h5)") from error
         raise InputError(f"{path} cannot be read: {error.strerror or error}") from error
 
 

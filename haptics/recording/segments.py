@@ -46,7 +46,13 @@ class Kind(enum.IntEnum):
 
 @dataclass(frozen=True)
 class Segment:
-    """A segment whose checksum was right. ``offset`` is that of its payload, in bytes from the file's start."""
+    """A segment whose checksum was right.
+
+    :ivar kind: a :class:`Kind`, or a number that is none.
+    :ivar stream: number of the stream, from 0; 0 for other kinds.
+    :ivar offset: of its payload, in bytes from the file's start.
+    :ivar payload: its bytes.
+    """
 
     kind: int
     stream: int
@@ -56,9 +62,11 @@ class Segment:
 
 @dataclass(frozen=True)
 class Damage:
-    """Where reading stopped short of the file's end: at byte ``offset`` of the file, and ``why``.
+    """Where reading stopped short of the file's end.
 
-    ``torn``: the file ends there, as it does where a writer died; else its bytes are not those that were written.
+    :ivar offset: first byte that was not read, from the file's start.
+    :ivar why: what was found there.
+    :ivar torn: the file ends there, as it does where a writer died; else its bytes are not those that were written.
     """
 
     offset: int
@@ -67,7 +75,14 @@ class Damage:
 
 
 def pack(kind: Kind, stream: int, index: int, payload: bytes | memoryview) -> tuple[bytes, bytes, bytes | memoryview]:
-    """One segment, in the parts to write one after another; ``payload`` is not copied."""
+    """One segment, in the parts to write one after another.
+
+    :param kind: what the payload is.
+    :param stream: number of the stream, 0 to 65535; 0 for other kinds.
+    :param index: of the segment in the file, from 0.
+    :param payload: at most ``MAX_PAYLOAD_BYTES``; not copied.
+    :return: head, checksum, payload.
+    """
     head = _HEAD.pack(_MARKER, kind, stream, index, len(payload))
     return head, _CRC.pack(zlib.crc32(payload, zlib.crc32(head))), payload
 
@@ -75,7 +90,10 @@ def pack(kind: Kind, stream: int, index: int, payload: bytes | memoryview) -> tu
 def scan(file: BinaryIO) -> Iterator[Segment | Damage]:
     """Segments of an open journal from after its magic line, up to the first that is torn or wrong.
 
-    The last thing yielded is a :class:`Damage` if bytes remain that are no good segment. Holds one payload at a time.
+    Holds one payload at a time.
+
+    :param file: open for reading, at any place.
+    :return: the segments; the last item is a :class:`Damage` if bytes remain that are no good segment.
     """
     size = os.fstat(file.fileno()).st_size
     offset, index = len(MAGIC), 0

@@ -28,8 +28,12 @@ RESERVED = ("provenance", "attachments", "title")
 
 @dataclass(frozen=True)
 class StreamSpec:
-    """One stream: ``name``, row type, ``units`` by field (fields without a unit left out), a sentence on what it holds.
+    """One stream.
 
+    :param name: lower-case letters, digits and ``_``, beginning with a letter; none of ``RESERVED``.
+    :param dtype: type of a row, its first field ``time_ns`` (int64, ns); made packed and little-endian.
+    :param units: by field; fields without a unit left out. ``time_ns`` is added.
+    :param description: a sentence on what it holds, under 1000 characters.
     :raises InputError: a name, field, unit or description that cannot be recorded.
     """
 
@@ -41,8 +45,7 @@ class StreamSpec:
     def __post_init__(self) -> None:
         if not _NAME.fullmatch(self.name) or self.name in RESERVED:
             raise InputError(
-                f"stream name = {self.name!r} is not allowed; allowed: lower-case letters, digits and _, "
-                f"but not {', '.join(RESERVED)}"
+                f"stream name = {self.name!r}; expected lower-case letters, digits and _, but not {', '.join(RESERVED)}"
             )
         object.__setattr__(self, "dtype", _packed(self.name, np.dtype(self.dtype)))
         unknown = sorted(set(self.units) - set(self.fields))
@@ -51,7 +54,7 @@ class StreamSpec:
         object.__setattr__(self, "units", {"time_ns": "ns", **self.units})
         for what, text in (("description", self.description), *((f"unit of {name}", unit) for name, unit in self.units.items())):
             if not fits_attribute(text):
-                raise InputError(f"stream {self.name}: {what} = {repr(text)[:60]} is not allowed; allowed: a line of text")
+                raise InputError(f"stream {self.name}: {what} = {repr(text)[:60]}; expected text of fewer than 1000 characters")
 
     @property
     def fields(self) -> tuple[str, ...]:
@@ -59,7 +62,10 @@ class StreamSpec:
         return self.dtype.names or ()
 
     def as_json(self) -> dict[str, Any]:
-        """The stream as plain data; :meth:`from_json` is its inverse."""
+        """The stream as plain data; :meth:`from_json` is its inverse.
+
+        :return: ``name``, ``fields`` (name, numpy type, shape), ``units``, ``description``.
+        """
         fields = []
         for name in self.fields:
             base, shape = field_type(self.dtype, name)
@@ -68,7 +74,13 @@ class StreamSpec:
 
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> StreamSpec:
-        """The stream that :meth:`as_json` described."""
+        """The stream that :meth:`as_json` described.
+
+        :param data: what it returned.
+        :return: the stream.
+        :raises InputError: a name, field, unit or description that cannot be recorded.
+        :raises KeyError: a part is missing.
+        """
         row = np.dtype([(name, code, tuple(shape)) for name, code, shape in data["fields"]])
         return cls(data["name"], row, data["units"], data["description"])
 
@@ -76,8 +88,10 @@ class StreamSpec:
 def check_fields(where: str, spec: StreamSpec, wanted: Mapping[str, tuple[str, tuple[int, ...] | None]]) -> None:
     """Hold a stream that was read against what its reader counts on.
 
-    :param where: the recording, for messages. :param wanted: for each field the kinds of its element (numpy's letters) and its
-        shape, or None for a number or a row of numbers.
+    :param where: the recording, for messages.
+    :param spec: the stream as it was read.
+    :param wanted: for each field the kinds of its element (numpy's letters) and its shape, or None for a number or a row of
+        numbers.
     :raises InputError: a field is missing, or is another.
     """
     for name, (kinds, shape) in wanted.items():
@@ -86,16 +100,24 @@ def check_fields(where: str, spec: StreamSpec, wanted: Mapping[str, tuple[str, t
         base, found = field_type(spec.dtype, name)
         if base.kind not in kinds or (len(found) > 1 if shape is None else found != shape):
             want = f"{' or '.join(_WORDS[kind] for kind in kinds)}{'' if shape is None else list(shape)}"
-            raise InputError(f"{where}: field {name} of stream {spec.name} has type {base}{list(found)}; allowed: {want}")
+            raise InputError(f"{where}: field {name} of stream {spec.name} has type {base}{list(found)}; expected {want}")
 
 
 def fits_attribute(text: object) -> bool:
-    """Whether HDF5 keeps this as the text of an attribute; all attributes of a part share 64 KiB."""
+    """Whether HDF5 keeps this as the text of an attribute; all attributes of a part share 64 KiB.
+
+    :param text: anything; only text fits.
+    :return: whether it does.
+    """
     return isinstance(text, str) and len(text) < 1000 and "\0" not in text and is_unicode(text)
 
 
 def is_unicode(text: str) -> bool:
-    """Not so, a path whose bytes are no UTF-8, as Python hands it over."""
+    """Whether text can be written as UTF-8; a path whose bytes are not UTF-8 cannot, as Python hands it over.
+
+    :param text: any text.
+    :return: whether it can.
+    """
     try:
         text.encode()
     except UnicodeEncodeError:
@@ -104,7 +126,12 @@ def is_unicode(text: str) -> bool:
 
 
 def field_type(dtype: np.dtype[Any], name: str) -> tuple[np.dtype[Any], tuple[int, ...]]:
-    """Element type and shape ``()`` or ``(n, ...)`` of a row's field."""
+    """Element type and shape of a row's field.
+
+    :param dtype: type of a row.
+    :param name: of the field.
+    :return: the type, and ``()`` or ``(n, ...)``.
+    """
     fields: Any = dtype.fields
     whole = fields[name][0]
     return whole.base, whole.shape
@@ -118,10 +145,10 @@ def _packed(stream: str, dtype: np.dtype[Any]) -> np.dtype[np.void]:
     for name in names:
         base, shape = field_type(dtype, name)
         if not _NAME.fullmatch(name):
-            raise InputError(f"stream {stream}: field = {name!r}; allowed: lower-case letters, digits and _")
+            raise InputError(f"stream {stream}: field = {name!r}; expected lower-case letters, digits and _")
         if base.kind not in _KINDS or base.names or not base.itemsize or 0 in shape or len(shape) > _MAX_AXES:
             raise InputError(
-                f"stream {stream}: field {name} has type {base}{list(shape)}; allowed: integers, floats, booleans, "
+                f"stream {stream}: field {name} has type {base}{list(shape)}; expected integers, floats, booleans, "
                 f"fixed-length bytes (S16, V64), and fixed arrays of these, of up to {_MAX_AXES} axes"
             )
         columns.append((name, base.newbyteorder("<"), shape))

@@ -188,7 +188,7 @@ def test_a_recording_cut_short_is_damaged_and_no_recording_is_no_such_file(comma
         assert place in damaged
         assert place in refused("replay", tmp_path / "cut.h5")
     (tmp_path / "text.h5").write_text("side = 'right'\n")
-    assert "does not begin as such a file does" in refused("recording", "info", tmp_path / "text.h5")
+    assert "is not an HDF5 file: it does not begin as one does" in refused("recording", "info", tmp_path / "text.h5")
 
 
 def test_what_was_recovered_is_said_in_words(command, tmp_path):

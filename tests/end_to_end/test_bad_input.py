@@ -139,7 +139,7 @@ def test_an_impossible_latency(run, value):
 
 
 def test_a_journal_without_a_name(haptics):
-    _refused(haptics("recording", "recover", "/"), "a file name is wanted")
+    _refused(haptics("recording", "recover", "/"), "expected a file name")
 
 
 def test_names_that_are_no_text_and_names_with_signs_of_formulas_are_names(haptics, tmp_path):

@@ -1,16 +1,18 @@
-"""Hosts on simulated boards, closed when a test ends."""
+"""Hosts on simulated boards, closed when a test ends; the C core, built once."""
 
 from __future__ import annotations
 
+import ctypes
 from collections.abc import Callable, Iterator
 
 import pytest
+from core_bench import build_library
 from sim_host import Host
 
 
 @pytest.fixture
 def host() -> Iterator[Callable[..., Host]]:
-    """Opens hosts, on the virtual clock unless told otherwise, and closes them."""
+    """Opens hosts, on the virtual clock by default, and closes them."""
     opened: list[Host] = []
 
     def open_host(board: str = "tactiles", baudrate: int = 500_000, **query: object) -> Host:
@@ -21,3 +23,9 @@ def host() -> Iterator[Callable[..., Host]]:
     yield open_host
     for one in opened:
         one.port.close()
+
+
+@pytest.fixture(scope="session")
+def library() -> ctypes.CDLL:
+    """The C core as a library."""
+    return build_library()

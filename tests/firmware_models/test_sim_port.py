@@ -41,7 +41,7 @@ def test_it_is_a_simulated_port(host) -> None:
     ("url", "words"),
     [
         ("sim://glove", ["glove", "tactiles, brake"]),
-        ("sim://tactiles?colour=red", ["colour", "red", "seed", "tau_s"]),
+        ("sim://tactiles?colour=red", ["unknown key 'colour'", "known keys: ", "seed", "tau_s"]),
         ("sim://tactiles?seed=first", ["seed", "first", "0 to"]),
         ("sim://tactiles?seed=1.5", ["seed", "1.5", "whole"]),
         ("sim://tactiles?seed=1&seed=2", ["seed", "twice"]),
@@ -50,7 +50,7 @@ def test_it_is_a_simulated_port(host) -> None:
         ("sim://tactiles?level=exact", ["level", "exact", "event", "dynamic"]),
         ("sim://tactiles?clock=solar", ["clock", "solar", "real, virtual"]),
         ("sim://tactiles?core=rust", ["core", "'rust'", "py, c, avr"]),
-        ("sim://loadcell?core=c", ["core", "'c'", "loadcell", "py"]),
+        ("sim://loadcell?core=c", ["core = c", "loadcell", "leave core out"]),
         ("sim://brake?fitted=6", ["fitted", "6", "0 to 5"]),
         ("sim://brake/left", ["sim://brake/left"]),
     ],

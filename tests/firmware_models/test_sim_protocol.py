@@ -11,7 +11,7 @@ from haptics.link.messages import BY_NAME, TICK_HZ, Board, Fault, State, Status,
 
 MS = 1_000_000
 BOTH = pytest.mark.parametrize("board", ["tactiles", "brake"])
-STRICTER_UPWARD = {"tactiles": {3}, "brake": set()}  # the least supply voltage is made stricter by raising it
+STRICTER_UPWARD = {"tactiles": {3}, "brake": set()}  # the minimum supply voltage is made stricter by raising it
 DURATIONS = [200] * 15
 
 
@@ -31,7 +31,7 @@ def test_identify_goes_out_and_comes_back_as_written_in_the_protocol(host, board
     body = bytes([0x01, 0x09])  # type and sequence number; no payload
     crc = crc16_x25(body)
     assert 0 not in body + crc  # so that stuffing is one leading byte
-    h.port.write(bytes([5]) + body + crc[::-1] + b"\x00")  # checksum the wrong way round: no frame
+    h.port.write(bytes([5]) + body + crc[::-1] + b"\x00")  # checksum with its bytes swapped: not a frame
     h.run(5)
     assert h.raw == b""
     h.port.write(bytes([5]) + body + crc + b"\x00")
@@ -144,7 +144,7 @@ def test_number_zero_is_never_kept(host) -> None:
     start = h.tick_in(30)
     assert h.status("pulse", start, 1, 1, DURATIONS, seq=0) == Status.OK
     reply = h.ask("pulse", start, 1, 1, DURATIONS, seq=0)
-    assert (reply.status, reply.detail) == (Status.FULL, 1)  # it was asked for afresh, and stands in its own way
+    assert (reply.status, reply.detail) == (Status.FULL, 1)  # it was asked for afresh, and the first stands in its place
 
 
 @BOTH

@@ -106,13 +106,17 @@ def test_bad_arguments_are_refused(tmp_path) -> None:
 
     with pytest.raises(InputError, match="board"):
         simulate("glove")
-    with pytest.raises(InputError, match="colour"):
+    with pytest.raises(InputError, match=r"^colour=red: unknown key 'colour' in the port's URL; known keys: .*baud, .*seed"):
         simulate("tactiles", query="colour=red")
-    with pytest.raises(InputError, match="clock"):
+    with pytest.raises(InputError, match=r"sede=2: unknown key 'sede' in the port's URL; did you mean 'seed'\? known keys: "):
+        simulate("tactiles", query="sede=2")
+    with pytest.raises(InputError, match=r"clock = virtual: .* runs on the real clock"):
         simulate("tactiles", query="clock=virtual")
+    with pytest.raises(InputError, match="--for-s = -1 s"):
+        simulate("tactiles", for_s=-1.0)
     taken = tmp_path / "taken"
     taken.write_text("mine")
-    for option in ({"link": taken}, {"trace": taken}):
-        with pytest.raises(InputError, match="exists"):
-            simulate("tactiles", for_s=0, **option)
+    for name in ("link", "trace"):
+        with pytest.raises(InputError, match=f"--{name} = {taken} exists; choose another"):
+            simulate("tactiles", for_s=0, **{name: taken})
     assert taken.read_text() == "mine"

@@ -62,13 +62,13 @@ BOARDS = [
         ),
         (
             "a latched fault does not make safe",
-            "the fault is told of and the current flows on",
-            'tell a host that has introduced itself."""\n        self._outputs_off()',
-            'tell a host that has introduced itself."""',
+            "the fault is reported and the current flows on",
+            'reported within 0 to 65535.\n        """\n        self._outputs_off()',
+            'reported within 0 to 65535.\n        """',
         ),
         (
             "a reset leaves the outputs as they are",
-            "opening a port leaves volts on that nobody asked for",
+            "opening a port leaves volts on that no command explains",
             'a reboot."""\n        self._outputs_off()\n        self._line',
             'a reboot."""\n        self._line',
             "tests/link/test_fault_matrix.py -k 'py and (opening or brown_out)'",
@@ -245,7 +245,7 @@ BOARDS = [
         _FAULTS,
         (
             "does not watch the coils' supply",
-            "pins half move, and nobody is told",
+            "pins half move, and nobody learns of it",
             "if supply_mv < min_mv:",
             "if supply_mv < 0:",
         ),
@@ -279,7 +279,7 @@ BOARDS = [
         ),
         (
             "reverses faster than its supply can charge",
-            "the brake holds less than was asked, and nobody is told",
+            "the brake holds less than was asked, and nobody learns of it",
             "min(self.limits[_FREQUENCY], fastest_dhz)",
             "self.limits[_FREQUENCY]",
         ),

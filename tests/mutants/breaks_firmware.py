@@ -52,7 +52,7 @@ FIRMWARE = [
         ),
         (
             "C: a latched fault does not make safe",
-            "the fault is told of and the current flows on",
+            "the fault is reported and the current flows on",
             "    b->faults |= bit;\n    board_make_safe(b);",
             "    b->faults |= bit;\n    rest(b, b->state);",
             f"{_C_CORE} {_C_COILS}",
@@ -162,7 +162,7 @@ FIRMWARE = [
         ),
         (
             "C: does not watch the coils' supply",
-            "pins half move, and nobody is told",
+            "pins half move, and nobody learns of it",
             "    if (supply < b->limits[3])",
             "    if (supply == 0)",
         ),
@@ -253,7 +253,7 @@ FIRMWARE = [
         ),
         (
             "C: reverses faster than its supply can charge",
-            "the brake holds less than was asked, and nobody is told",
+            "the brake holds less than was asked, and nobody learns of it",
             "d->frequency > UINT32_C(5000000) * limits[LIMIT_CURRENT] / charge)",
             "d->frequency > UINT32_C(50000000) * limits[LIMIT_CURRENT] / charge)",
         ),
@@ -380,8 +380,8 @@ FIRMWARE = [
         (
             "C: does not notice a bridge that stands still",
             "one polarity for ever charges the dielectric, and the brake never lets go",
-            "l->volts <= -WRONG_WAY_V;",
-            "l->volts <= -100 * WRONG_WAY_V;",
+            "l->volts <= -WRONG_SIGN_V;",
+            "l->volts <= -100 * WRONG_SIGN_V;",
         ),
         (
             "C: does not watch for leaks",

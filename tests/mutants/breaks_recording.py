@@ -1,4 +1,4 @@
-"""Breaks of the journal: nothing acknowledged is lost, nothing damaged is believed."""
+"""Breaks of the journal: nothing acknowledged is lost, nothing damaged is used."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ RECORDING = [
         ),
         (
             "a full buffer drops its oldest row",
-            "rows are missing, and nobody is told",
+            "rows are missing, and nothing shows it",
             "            self._journal.commit()\n            count = self._count",
             "            count = 0",
         ),

@@ -1,4 +1,4 @@
-"""A writer that says what it has acknowledged, to be killed at any moment; run by ``test_kill.py`` as a child process."""
+"""A writer that reports what it has acknowledged, to be killed at any moment; run by ``test_kill.py`` as a child process."""
 
 from __future__ import annotations
 

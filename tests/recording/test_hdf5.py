@@ -1,9 +1,10 @@
-"""The archive: what went in comes out, other programs find their way, and no file is whole that is not."""
+"""The archive: what went in comes out, other programs can read it, and no file looks whole that is not."""
 
 from __future__ import annotations
 
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import h5py
@@ -14,6 +15,7 @@ from recorded_session import record_session
 
 from haptics.errors import HapticsError, InputError
 from haptics.recording import Journal, Recording, finalise, hdf5, load, read_journal, recover
+from haptics.recording.condition import condition_of
 from haptics.recording.seal import seal
 from haptics.recording.segments import MAGIC
 
@@ -234,8 +236,8 @@ def test_a_journal_being_written_is_not_recovered(tmp_path: Path):
     ("change", "message"),
     [
         (lambda file: file.attrs.__setitem__("haptics_schema", 99), "reads layouts 1 to 2: open it with a later one"),
-        (lambda file: file.attrs.__setitem__("haptics_schema", 0), "haptics_schema = .*0.* is not allowed"),
-        (lambda file: file.attrs.__delitem__("haptics_schema"), "no finished haptics recording"),
+        (lambda file: file.attrs.__setitem__("haptics_schema", 0), "haptics_schema = .*0.*; expected a layout"),
+        (lambda file: file.attrs.__delitem__("haptics_schema"), "not a finished haptics recording"),
         (lambda file: file.__delitem__("entry/provenance"), "/entry/provenance is missing"),
     ],
 )
@@ -252,10 +254,30 @@ def test_what_is_no_hdf5_is_refused(tmp_path: Path):
     with pytest.raises(InputError, match="no such file"):
         load(tmp_path / "none.h5")
     (tmp_path / "text.h5").write_text("hello")
-    with pytest.raises(InputError, match="cannot be read as HDF5"):
+    with pytest.raises(InputError, match=r"text\.h5 is not an HDF5 file"):
         load(tmp_path / "text.h5")
     with pytest.raises(InputError, match="haptics recording recover"):
         load(record_session(tmp_path / "j"))
+
+
+@pytest.mark.parametrize(
+    ("opened", "expected"),
+    [
+        (condition_of, "a recording (.h5 or .journal)"),
+        (load, "a recording (.h5)"),
+        (read_journal, "a journal (.journal)"),
+        (lambda path: recover(path, path / "r.h5"), "a journal (.journal)"),
+    ],
+)
+def test_a_folder_is_called_a_folder(tmp_path: Path, opened: Callable[[Path], object], expected: str):
+    with pytest.raises(InputError) as refused:
+        opened(tmp_path)
+    assert str(refused.value) == f"{tmp_path} is a folder; expected {expected}"
+
+
+def test_a_recording_needs_no_recovery(recording: Recording, tmp_path: Path):
+    with pytest.raises(InputError, match=r"session\.h5 is an HDF5 file; expected a journal \(\.journal\)"):
+        recover(recording.path, tmp_path / "r.h5")
 
 
 def test_a_recording_cut_anywhere_does_not_look_whole(tmp_path: Path, recording: Recording):

@@ -72,14 +72,17 @@ def test_any_rows_of_any_type_come_back_bit_for_bit(tmp_path_factory, fields, da
     assert read_journal(path).stream("s").tobytes() == raw
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(spec=hnp.array_dtypes(max_size=4))
 def test_a_row_type_is_taken_or_refused_never_misread(spec):
-    try:
-        taken = StreamSpec("s", np.dtype([("time_ns", "<i8"), *((f"f{i}", spec[n]) for i, n in enumerate(spec.names))]))
-    except InputError:
-        return
-    assert StreamSpec.from_json(taken.as_json()) == taken
+    fields = [spec[name] for name in spec.names]
+    row = np.dtype([("time_ns", "<i8"), *((f"f{index}", field) for index, field in enumerate(fields))])
+    if all(field.base.kind in "biufSV" and not field.base.names and field.itemsize for field in fields):
+        taken = StreamSpec("s", row)
+        assert StreamSpec.from_json(taken.as_json()) == taken
+    else:
+        with pytest.raises(InputError, match="has type"):
+            StreamSpec("s", row)
 
 
 def test_cut_at_any_byte_keeps_every_commit_before_the_cut(tmp_path: Path):
@@ -175,7 +178,7 @@ def test_rows_that_do_not_fit_are_refused_and_leave_no_trace(tmp_path: Path):
         ]:
             with pytest.raises(InputError, match="stream a: row"):
                 stream.append(row)  # type: ignore[arg-type]
-        with pytest.raises(InputError, match="allowed: one dimension"):
+        with pytest.raises(InputError, match="expected one dimension"):
             stream.extend(np.zeros(3))
         stream.append((7, 0.0, "x", b""))
     assert read_journal(tmp_path / "j").stream("a")["time_ns"].tolist() == [7]
@@ -202,7 +205,7 @@ def test_nothing_is_overwritten_unasked(tmp_path: Path):
     small_journal(tmp_path / "j")
     before = (tmp_path / "j").read_bytes()
     for force in (False, True):
-        with pytest.raises(InputError, match="not overwritten, not even by force; save it first: haptics recording recover"):
+        with pytest.raises(InputError, match="not overwritten, not even with --force; save it first: haptics recording recover"):
             Journal.create(tmp_path / "j", {}, force=force)
         assert (tmp_path / "j").read_bytes() == before
     (tmp_path / "j").write_bytes(before[:20])  # its writer died before there was anything in it
@@ -377,7 +380,7 @@ def test_a_segment_costs_its_head_and_its_rows(tmp_path: Path):
 
 
 def test_what_is_not_there_is_named(tmp_path: Path):
-    with pytest.raises(InputError, match="No such file"):
+    with pytest.raises(InputError, match="no such file"):
         read_journal(tmp_path / "none")
     small_journal(tmp_path / "j")
     with pytest.raises(InputError, match="no stream 'b'; it has a"):

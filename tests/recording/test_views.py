@@ -1,4 +1,4 @@
-"""The views show what the recording holds, and say so when they cannot."""
+"""The views show what the recording holds, and name what they lack when they cannot."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Python boards that are broken on purpose, each by one thing, and the rules of the protocol that must say so."""
+"""Python boards that are broken on purpose, each by one thing, and the rules of the protocol that must catch it."""
 
 from __future__ import annotations
 

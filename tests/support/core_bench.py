@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import ctypes
 import shutil
-import subprocess
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import pytest
 
+from firmware_models.cores.toolchain import host_library
 from haptics.link.messages import BY_NAME, BY_TYPE, Board, decode, encode
 
 FIRMWARE = Path(__file__).parents[2] / "firmware_models" / "firmware"
@@ -54,7 +54,7 @@ class Calls(ctypes.Structure):
 
 
 class Sent(NamedTuple):
-    """A frame of the board: when its first byte began to leave, and what it says."""
+    """A frame of the board: when its first byte began to leave, and what it holds."""
 
     tick: int
     name: str
@@ -62,13 +62,12 @@ class Sent(NamedTuple):
     message: Any
 
 
-def build_library(folder: Path) -> ctypes.CDLL:
-    """The library as the firmware's own Makefile makes it."""
+def build_library() -> ctypes.CDLL:
+    """The library as the firmware's own Makefile makes it, from the cache of builds if it is there."""
     for tool in ("cc", "make"):
         if shutil.which(tool) is None:
             pytest.skip(f"no C core: {tool} is not installed")
-    subprocess.run(["make", "-s", "-C", str(FIRMWARE), "host", f"OUT={folder}"], check=True)
-    return load_library(folder / "libcore.so")
+    return load_library(host_library())
 
 
 def load_library(path: Path) -> ctypes.CDLL:

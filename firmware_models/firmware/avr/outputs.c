@@ -5,8 +5,8 @@
  * late by no more than what held the interrupt up beyond LEAD. The same compare comes again each 33 ms, and comes for
  * words that were replaced since: whether it is time is always decided by the tick itself.
  *
- * The core needs some 50 us to say what comes after an edge. For edges that lie closer than that it may be told of
- * an edge (by board_edge) wiring_ahead ticks before: what it then prepares waits in line, and what it was told of
+ * The core needs some 50 us to give what comes after an edge. For edges that lie closer than that an edge may be
+ * reported to it (by board_edge) wiring_ahead ticks before: what it then prepares waits in line, and what was reported
  * can no longer be replaced. Where wiring_waits, the main loop stands still until that edge is played: it never sees
  * outputs that are not yet. */
 
@@ -22,7 +22,7 @@
 #include "clock.h"
 #include "wiring.h"
 
-#define LEAD 32    /* ticks: the interrupt's way in, behind another one */
+#define LEAD 32    /* ticks: the interrupt's entry, behind another one */
 #define SURE 12    /* ticks: more than these ahead, a compare is met for certain */
 #define MARGIN 60  /* ticks: less than these ahead, waiting is better than to leave and come again */
 #define NEAR (LEAD + MARGIN)
@@ -47,9 +47,9 @@ static struct board *board;
 static struct edge line[WORDS]; /* a ring, in the order in which they are played */
 static volatile uint8_t first, count;
 static volatile bool staged;    /* line[first] is in the chain */
-static volatile bool untold;    /* board_edge was not called yet for the one prepared last: it may still be replaced */
-static uint32_t untold_due;
-static volatile bool telling;   /* board_edge is running */
+static volatile bool unreported;    /* board_edge was not called yet for the one prepared last: it may still be replaced */
+static uint32_t unreported_due;
+static volatile bool reporting;   /* board_edge is running */
 static uint8_t port_d;          /* at the next take */
 static uint32_t in_chain;
 
@@ -108,44 +108,44 @@ static void unmask(void)
     TIMSK1 |= _BV(OCIE1A);
 }
 
-/* Whether the core is to be told of the word prepared last, were it time. */
-static inline bool to_tell(void)
+/* Whether the word prepared last is to be reported to the core, were it time. */
+static inline bool to_report(void)
 {
-    return untold && !telling && count < WORDS;
+    return unreported && !reporting && count < WORDS;
 }
 
-/* The first edge in line is one that the core was told of. */
-static inline bool told(void)
+/* The first edge in line was reported to the core. */
+static inline bool reported(void)
 {
-    return count > untold;
+    return count > unreported;
 }
 
 /* Puts the compare where play is needed next. False: that is less than `margin` ticks ahead. Interrupts off. */
 static bool arm(uint8_t margin)
 {
-    if (!count && !to_tell())
+    if (!count && !to_report())
         return true;
     uint32_t at = line[first].due - LEAD;
-    if (to_tell() && (!count || (int32_t)(untold_due - wiring_ahead - at) < 0))
-        at = untold_due - wiring_ahead;
+    if (to_report() && (!count || (int32_t)(unreported_due - wiring_ahead - at) < 0))
+        at = unreported_due - wiring_ahead;
     OCR1A = (uint16_t)at;
     return ahead(at) > margin;
 }
 
-/* Tells the core that what it prepared last is, or will be, played. Edges that come meanwhile are played. */
-static void tell(void)
+/* Reports to the core that what it prepared last is, or will be, played. Edges that come meanwhile are played. */
+static void report(void)
 {
-    telling = true;
+    reporting = true;
     cli();
     if (arm(SURE)) {
-        untold = false;
+        unreported = false;
         unmask();
         sei();
-        board_edge(board, untold_due);
+        board_edge(board, unreported_due);
         mask();
     }
     sei();
-    telling = false;
+    reporting = false;
 }
 
 /* Waits for the first edge, and plays it. Interrupts off. */
@@ -168,14 +168,14 @@ static void play(void)
             stage(&line[first]);
             staged = true;
         }
-        if (count && (ahead(line[first].due) < NEAR || (wiring_waits && told()))) {
+        if (count && (ahead(line[first].due) < NEAR || (wiring_waits && reported()))) {
             while (ahead(line[first].due) > LAST) {
             }
             cli();
             play_first();
             sei();
-        } else if (to_tell() && ahead(untold_due) <= (int32_t)wiring_ahead) {
-            tell();
+        } else if (to_report() && ahead(unreported_due) <= (int32_t)wiring_ahead) {
+            report();
         } else {
             cli();
             if (arm(MARGIN))
@@ -210,7 +210,7 @@ void port_unlock(struct board *b, uint8_t key)
 /* Masks the compare alone, so that bytes still come in. Does not begin while an edge is near: it would be late. */
 uint8_t port_lock(struct board *b)
 {
-    while (!telling && (TIMSK1 & _BV(OCIE1A))) {
+    while (!reporting && (TIMSK1 & _BV(OCIE1A))) {
         mask();
         if (!count || ahead(line[first].due) > LOCKED)
             return 1;
@@ -222,9 +222,9 @@ uint8_t port_lock(struct board *b)
 /* Takes the word that may still be replaced out of the line. In a locked section or in board_edge, interrupts off. */
 static void withdraw(void)
 {
-    if (!untold)
+    if (!unreported)
         return;
-    untold = false;
+    unreported = false;
     if (--count == 0)
         staged = false;
 }
@@ -234,7 +234,7 @@ void port_apply(struct board *b, uint32_t word)
     struct edge edge = edge_of(word, 0);
     uint8_t key = port_lock(b);
     count = 0;
-    staged = untold = false;
+    staged = unreported = false;
     stage(&edge);
     ATOMIC_BLOCK(ATOMIC_RESTORESTATE)
     {
@@ -252,8 +252,8 @@ void port_prepare(struct board *b, uint32_t word, uint32_t due)
         withdraw();
         line[(first + count) % WORDS] = edge;
         count++;
-        untold = true;
-        untold_due = due;
+        unreported = true;
+        unreported_due = due;
     }
     port_unlock(b, key);
 }
@@ -285,7 +285,7 @@ void outputs_start(struct board *b)
     SPCR = _BV(SPE) | _BV(MSTR);
     SPSR = _BV(SPI2X); /* 8 MHz */
     struct edge off = edge_of(0, 0);
-    in_chain = ~off.chain; /* nobody knows */
+    in_chain = ~off.chain; /* unknown */
     stage(&off);
     take();
     PORTB &= (uint8_t)~OFF;

@@ -13,7 +13,7 @@ struct board *wiring_board(void);
 /* Settings that leave every limit as built, for a board whose EEPROM holds none. */
 extern const struct settings wiring_built_settings;
 
-/* How many ticks before an edge the core is told that it was played, and whether the main loop then waits for it
+/* How many ticks before an edge it is reported to the core as played, and whether the main loop then waits for it
  * (outputs.c). */
 extern const uint16_t wiring_ahead;
 extern const bool wiring_waits;

@@ -4,7 +4,7 @@
 #include "port.h"
 
 /* From a sync_reply's time stamp to its first bit, where the CPU takes long to build a frame. Rather less than more:
- * what goes out later than it says only makes a host's bound on the clock wider. */
+ * what goes out later than it states only makes a host's bound on the clock wider. */
 #ifndef ENCODING_TICKS
 #define ENCODING_TICKS 0u
 #endif

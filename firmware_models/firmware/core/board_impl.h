@@ -71,21 +71,21 @@ struct board {
     uint16_t faults;        /* latched, a bit each */
     uint16_t late;          /* commands that came too late, wrapping */
     uint8_t state;          /* set by board_set_state only */
-    bool armed;             /* from arm until made safe, self test and discharging on the way back to armed included */
+    bool armed;             /* from arm until made safe, self test and discharging before armed again included */
     bool identified;        /* a host has asked who this is */
     uint8_t next_reply;     /* where the next one is remembered */
     struct remembered replies[REMEMBERED_REPLIES];
     struct deframer deframer;
 };
 
-/* Interlock check of every timed command: armed, driving, or discharging on the way back to armed. If not, *detail is
+/* Interlock check of every timed command: armed, driving, or discharging before armed again. If not, *detail is
  * the faults mask. */
 bool board_ready(const struct board *b, uint16_t *detail);
 
 /* A command for tick `time`: STATUS_OK, STATUS_LATE (counted, detail set) or STATUS_FAR. Quick enough while locked. */
 uint8_t board_check_time(struct board *b, uint32_t time, uint16_t *detail);
 
-/* Makes safe, latches `fault` and tells the host, once. State is fault afterwards. Not from board_edge. */
+/* Makes safe, latches `fault` and reports it to the host, once. State is fault afterwards. Not from board_edge. */
 void board_latch(struct board *b, uint8_t fault, uint8_t channel, uint16_t value);
 
 /* Makes safe as for stop: kind's make_safe, no longer armed, state as it then is. */
@@ -96,7 +96,7 @@ void board_set_state(struct board *b, uint8_t state);
 /* STATE_FAULT while anything is latched, else STATE_DISARMED. */
 uint8_t board_rest(const struct board *b);
 
-/* `a` is before `b`, the nearer way round. */
+/* `a` is before `b`, across the wrap if that is nearer. */
 static inline bool before(uint32_t a, uint32_t b)
 {
     return (int32_t)(a - b) < 0;

@@ -120,7 +120,7 @@ static uint8_t make_safe(struct board *b, uint32_t now)
     return STATE_DISCHARGING;
 }
 
-/* What only a self test can tell is left to the next one. */
+/* What only a self test can find is left to the next one. */
 static bool cause_gone(struct board *b, uint8_t fault)
 {
     uint8_t worst;

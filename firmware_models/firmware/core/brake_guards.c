@@ -3,15 +3,15 @@
 #include "brake.h"
 #include "port.h"
 
-#define LEAD_TICKS 600u /* before the clamp: four conversions, and what an ATmega is told of an edge ahead of it; */
+#define LEAD_TICKS 600u /* before the clamp: four conversions, and how far ahead an edge is reported on an ATmega; */
 #define LEAD_SHARE 3u   /* but of a short half period no more than a third, so that its middle is looked at too */
 #define LOOK_TICKS TICKS_PER_MS
 #define ROUNDING_V 4    /* of a difference of two readings of the bridge */
-#define WRONG_WAY_V 20  /* see brake_guards.h */
-#define SENSED_V 200    /* the least ramp that tells C: to 2 % */
+#define WRONG_SIGN_V 20 /* see brake_guards.h */
+#define SENSED_V 200    /* the smallest ramp that gives C: to 2 % */
 #define MAX_SANE_V 2000
 
-/* What the senses say. Times are before and after the conversion of the bridge. */
+/* What the senses read. Times are before and after the conversion of the bridge. */
 struct look {
     uint32_t begun;
     uint32_t ended;
@@ -28,7 +28,7 @@ struct load {
     uint32_t hold; /* ticks after which all is charged, and the current has died away */
 };
 
-/* The hold phase begins late enough for what a clamp left standing the wrong way round, for 5 % more capacitance, and
+/* The hold phase begins late enough for what a clamp left with the wrong sign, for 5 % more capacitance, and
  * for ten time constants of the output's resistance. */
 static struct load load_of(const struct brake *k, const struct wave *w)
 {
@@ -61,8 +61,8 @@ static void latch(struct brake *k, const struct wave *w, uint8_t fault, uint16_t
 
 static uint32_t last_look(const struct wave *w)
 {
-    uint32_t most = w->half / LEAD_SHARE;
-    return w->next - (most < LEAD_TICKS ? most : LEAD_TICKS);
+    uint32_t max = w->half / LEAD_SHARE;
+    return w->next - (max < LEAD_TICKS ? max : LEAD_TICKS);
 }
 
 /* This half period is one of those looked at. */
@@ -73,7 +73,7 @@ static bool chosen(const struct guards *g, const struct wave *w)
     return w->negative != g->negative && w->since - g->half_begun >= LOOK_TICKS;
 }
 
-/* False: an edge fell into it, or the core was told of one that is still to come. */
+/* False: an edge fell into it, or one that is still to come was reported. */
 static bool take_look(struct brake *k, const struct wave *w, struct look *l)
 {
     struct board *b = &k->board;
@@ -94,7 +94,7 @@ static bool take_look(struct brake *k, const struct wave *w, struct look *l)
     return true;
 }
 
-/* What a short clamp has left of a higher amplitude stands the wrong way round, and is none of the supply's making. */
+/* What a short clamp has left of a higher amplitude has the wrong sign, and is none of the supply's making. */
 static bool over_voltage(const struct wave *w, const struct look *l)
 {
     if (l->volts < 0)
@@ -115,10 +115,10 @@ static bool over_current(struct guards *g, const struct look *l)
 /* The last change of sign was a half period before this one began: by its middle that makes one and a half. */
 static bool bridge_stuck(const struct wave *w, const struct look *l)
 {
-    return !w->first && l->begun - w->since >= w->half / 2 && l->volts <= -WRONG_WAY_V;
+    return !w->first && l->begun - w->since >= w->half / 2 && l->volts <= -WRONG_SIGN_V;
 }
 
-/* It begins at 0 V or the wrong way round, so that in time t less than half the capacitance gets more than 2 I t / C.
+/* It begins at 0 V or with the wrong sign, so that in time t less than half the capacitance gets more than 2 I t / C.
  * So does a bridge that is stuck, in the half periods of its polarity: where not all are looked at, it takes one of
  * each. */
 static bool open_output(struct brake *k, const struct wave *w, const struct look *l, const struct load *load)
@@ -135,7 +135,7 @@ static bool open_output(struct brake *k, const struct wave *w, const struct look
     return both || w->half >= LOOK_TICKS;
 }
 
-/* By a ramp of `rise` volts; `sum` of those at its ends says what the bleeder took. Of several outputs only the sum is
+/* By a ramp of `rise` volts; `sum` of those at its ends gives what the bleeder took. Of several outputs only the sum is
  * known. */
 static void sense_capacitance(struct brake *k, const struct wave *w, uint32_t ticks, uint16_t rise, int16_t sum)
 {
@@ -149,7 +149,7 @@ static void sense_capacitance(struct brake *k, const struct wave *w, uint32_t ti
 }
 
 /* Full current from the first look at this ramp until now, and a rise as of more than one and a half times the
- * capacitance. On the way the capacitance is measured, where an output is on alone. */
+ * capacitance. Meanwhile the capacitance is measured, where an output is on alone. */
 static bool shorted(struct brake *k, const struct wave *w, const struct look *l, const struct load *load)
 {
     struct guards *g = &k->guards;

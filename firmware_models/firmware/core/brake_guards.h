@@ -4,16 +4,16 @@
  * before the clamp, and each millisecond in between. Of half periods shorter than 1 ms one is looked at in about
  * 1.5 ms, in turn a positive and a negative one. A look that an edge fell into counts for nothing.
  *
- * What which sense can tell:
+ * What each sense can find:
  * - highest, 2 V a count: over_voltage, where a reading less its half count of rounding is above the limit. At 20 V the
  *   guard trips between 21 and 23 V, at 1500 V between 1575 and 1577 V.
- * - bridge, 4 V a count: its sign, where at least 20 V stand the wrong way round, for near the frequency limit a
+ * - bridge, 4 V a count: its sign, where at least 20 V have the wrong sign, for near the frequency limit a
  *   healthy load may still have 11 V to turn round in the middle of a half period. Below 22 V of amplitude bridge_stuck
  *   is blind.
  * - bridge again: the slope, where both its ends' rounding together (4 V) cannot make a healthy slope a bad one. At low
  *   amplitudes this leaves little: a short is still found, for its current stays full all the half period; a
  *   capacitance that is merely wrong is not, nor is an open output where a quarter of the ramp (at 30 V 40 us) is over
- *   before the CPU looks. An ATmega, which prepares each edge ahead, has no time for the look that tells above some
+ *   before the CPU looks. An ATmega, which prepares each edge ahead, has no time for the look that finds it above some
  *   650 Hz.
  * - current, 1 uA a count: leak, in the hold phase. At frequencies so high that there is none, leak is blind.
  * All that hangs on the bridge is sensed together: with several outputs on, only their sum is known, and no channel

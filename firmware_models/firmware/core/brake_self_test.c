@@ -8,7 +8,7 @@ enum { SHORTED, FIRST_PULSE, SECOND_PULSE_CURRENT, SECOND_PULSE };
 #define SHORT_TICKS TICKS_PER_MS /* empties what hangs there: 18 time constants of a nominal brake */
 #define LEAD_TICKS 600u          /* from the decision to pulse until it begins: time to have both its edges ready */
 #define AGAIN_TICKS 20u          /* until the pulse's end is looked for again */
-#define FIRST_V 20u              /* what the first pulse makes of the least that counts as a brake */
+#define FIRST_V 20u              /* what the first pulse makes of the minimum that counts as a brake */
 #define TARGET (24u * LOW_COUNTS_PER_V)
 #define GOOD (12u * LOW_COUNTS_PER_V)  /* enough for a quarter of a per cent: no second pulse */
 #define LEFT (4u * LOW_COUNTS_PER_V)   /* a shorted output has no more */

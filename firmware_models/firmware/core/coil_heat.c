@@ -45,7 +45,7 @@ void heat_refund(struct coil_heat *heat, uint16_t durations)
 /* By a 2^HEAT_SHIFT-th, rounded up, so that an account ends at nothing. */
 uint32_t heat_decay(struct coil_heat heat[COIL_CHANNELS], const uint16_t waiting[COIL_CHANNELS])
 {
-    uint32_t most = 0;
+    uint32_t max = 0;
     for (uint8_t channel = 0; channel < COIL_CHANNELS; channel++) {
         uint32_t on_time = heat[channel].on_time;
         if (on_time == 0)
@@ -53,9 +53,9 @@ uint32_t heat_decay(struct coil_heat heat[COIL_CHANNELS], const uint16_t waiting
         uint32_t played = on_time - ((uint32_t)waiting[channel] << 16);
         on_time -= (played + ((1u << HEAT_SHIFT) - 1u)) >> HEAT_SHIFT;
         set(&heat[channel], on_time);
-        most = on_time > most ? on_time : most;
+        max = on_time > max ? on_time : max;
     }
-    return most;
+    return max;
 }
 
 /* Without a division, which an 8-bit CPU takes its time for: never more than rounded down, then one more if need be. */

@@ -8,7 +8,7 @@
 
 #include "protocol.h"
 
-/* One coil's. It lies in memory that a reset leaves as it was; the check tells what was written here from what a loss
+/* One coil's. It lies in memory that a reset leaves as it was; the check separates what was written here from what a loss
  * of power left. A CRC over all of them would take the CPU from the line for longer than that may wait. */
 struct coil_heat {
     uint32_t on_time; /* 50 us / 65536; what waits in the queue included */

@@ -37,7 +37,7 @@ void port_unlock(struct board *b, uint8_t key);
 /* One analogue input now, 0 to 1023; takes up to 30 us. */
 uint16_t port_convert(struct board *b, uint8_t input);
 
-/* The lid is closed. A board without a lid says true. */
+/* The lid is closed. A board without a lid returns true. */
 bool port_interlock_closed(struct board *b);
 
 /* Coil board: memory that a reset leaves as it was, and in which a loss of power leaves anything; one for each

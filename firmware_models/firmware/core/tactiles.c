@@ -166,7 +166,7 @@ static void forget(struct timeline *line, const struct request *r)
         line->pulses[i].coil |= GONE;
 }
 
-/* Finds the request's place in the list, and says whether it fits in time: STATUS_OK or STATUS_FULL. Walks the
+/* Finds the request's place in the list, and returns whether it fits in time: STATUS_OK or STATUS_FULL. Walks the
  * pulses that begin before its last coil goes off, once, in order of their start. At most COILS_AT_ONCE are on at
  * any moment, so that their ends are all there is to remember, and their number only ever grows where one begins. */
 static uint8_t fit(struct tactiles *t, struct request *r, uint16_t *detail)
@@ -479,13 +479,13 @@ static bool cause_gone(struct board *b, uint8_t fault)
     return fault != FAULT_SUPPLY || supply_mv(b) >= b->limits[3];
 }
 
-/* Something that held at the last look or not (`*held`), since `*since`: true once it has held for `least` ticks. */
-static bool lasts(bool holds, bool *held, uint32_t *since, uint32_t now, uint32_t least)
+/* Something that held at the last look or not (`*held`), since `*since`: true once it has held for `min` ticks. */
+static bool lasts(bool holds, bool *held, uint32_t *since, uint32_t now, uint32_t min)
 {
     if (!holds || !*held)
         *since = now;
     *held = holds;
-    return holds && now - *since >= least;
+    return holds && now - *since >= min;
 }
 
 /* Nothing has flowed that was not asked for. */
@@ -503,7 +503,7 @@ static uint16_t drawable_ma(uint8_t coils, uint16_t supply)
 }
 
 /* Supply and current against what they may be. A coil that has just gone off may still be in the reading, hence
- * `most`. Where only that explains it, the next look comes out of step with such pulses; so one soon sees what is. */
+ * `max_on`. Where only that explains it, the next look comes out of step with such pulses; so one soon sees what is. */
 static void look(struct tactiles *t, uint32_t now)
 {
     struct board *b = &t->board;
@@ -512,15 +512,15 @@ static void look(struct tactiles *t, uint32_t now)
     t->spared = current <= NO_CURRENT_MA && t->timeline.waiting && !t->spared;
     uint16_t supply = t->spared ? UINT16_MAX : supply_mv(b);
     uint8_t key = port_lock(b);
-    uint8_t most = t->timeline.max_on;
+    uint8_t max_on = t->timeline.max_on;
     uint8_t on = t->timeline.max_on = t->timeline.on_count;
     port_unlock(b, key);
 
     bool flows = current > NO_CURRENT_MA;
     bool doubtful = flows && current > drawable_ma(on, supply);
-    bool excess = doubtful && most && current > drawable_ma(most, supply); /* with none on it has a fault of its own */
+    bool excess = doubtful && max_on && current > drawable_ma(max_on, supply); /* with none on it has a fault of its own */
     t->doubts = doubtful ? (uint8_t)(t->doubts + (t->doubts < UINT8_MAX)) : 0;
-    bool unexplained = excess || (doubtful && (!most || t->doubts > LONG_DOUBT));
+    bool unexplained = excess || (doubtful && (!max_on || t->doubts > LONG_DOUBT));
 
     t->unasked = t->unasked && flows;
     if (unexplained)
@@ -554,10 +554,10 @@ static void cool(struct tactiles *t)
     port_unlock(&t->board, key);
     for (uint8_t channel = 0; t->ahead && channel < COIL_CHANNELS; channel++)
         waiting[channel] = (uint16_t)(waiting[channel] + t->ahead);
-    uint32_t most = heat_decay(port_heat(&t->board), waiting);
-    t->cooling = most != 0;
+    uint32_t max = heat_decay(port_heat(&t->board), waiting);
+    t->cooling = max != 0;
     t->cool_due += HEAT_STEP_TICKS;
-    if (most < heat_of_ms(COOLED_MS))
+    if (max < heat_of_ms(COOLED_MS))
         note(t, NOTE_WARM, false);
 }
 

@@ -83,7 +83,7 @@ static void pass(uint32_t ticks) {
     }
 }
 
-static void say(const uint8_t *bytes, size_t count) {
+static void send(const uint8_t *bytes, size_t count) {
     for (size_t i = 0; i < count; i++) {
         pass(BYTE_TICKS);
         permission_listen(bytes[i]);
@@ -121,7 +121,7 @@ static size_t invent(struct input *in, uint8_t *out) {
 static uint8_t ask(uint8_t type, const uint8_t *payload, size_t count) {
     uint8_t wire[LONGEST_FRAME], body[LONGEST_FRAME];
     answer_length = 0;
-    say(wire, frame(type, 0, payload, count, wire));
+    send(wire, frame(type, 0, payload, count, wire));
     REQUIRE(unstuff(answer, answer_length, body) != 0);
     if (type == 0x01) {
         REQUIRE(body[0] == 0x81);
@@ -133,7 +133,7 @@ static uint8_t ask(uint8_t type, const uint8_t *payload, size_t count) {
 
 static void keep_alive(uint32_t ticks) {
     uint8_t wire[LONGEST_FRAME];
-    say(wire, frame(0x07, 0, NULL, 0, wire));
+    send(wire, frame(0x07, 0, NULL, 0, wire));
     pass(ticks);
 }
 
@@ -154,7 +154,7 @@ static void move_lid(void) {
 
 /* As a person does who has looked. */
 static void arm_again(void) {
-    say(&delimiter, 1); /* ends what was begun */
+    send(&delimiter, 1); /* ends what was begun */
     ask(0x05, NULL, 0);
     pass(10 * MS_TICKS);
     arm();
@@ -166,7 +166,7 @@ static void step(uint8_t op, struct input *in) {
     const uint8_t low = op & 31;
     if (op < 0x20) {
         for (uint8_t i = 0; i < low; i++) wire[i] = take(in);
-        say(wire, low);
+        send(wire, low);
     } else if (op < 0x24) {
         move_lid();
     } else if (op < 0x28) {
@@ -176,12 +176,12 @@ static void step(uint8_t op, struct input *in) {
     } else if (op < 0x40) {
         for (int i = 0; i <= (op & 7); i++) keep_alive(20 * MS_TICKS);
     } else if (op < 0xE0) {
-        say(wire, invent(in, wire));
+        send(wire, invent(in, wire));
         if (op >= 0x80) pass((uint32_t)low * low * 200);
     } else {
         const size_t length = invent(in, wire);
         wire[take(in) % length] = take(in);
-        say(wire, length);
+        send(wire, length);
     }
 }
 
@@ -210,7 +210,7 @@ void play(const struct oracle *of, const uint8_t *bytes, size_t size) {
         step(op, &in);
     }
     /* Whatever came before: silence makes it safe, and a new host finds a board that works. */
-    say(&delimiter, 1);
+    send(&delimiter, 1);
     pass(2 * DEAD_MAN_TICKS);
     REQUIRE(!oracle->energised(word));
     lid_open = false;

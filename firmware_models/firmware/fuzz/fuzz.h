@@ -68,11 +68,11 @@ extern bool lid_open;
 /* Plays one program; aborts where the board does what nobody commanded, or does not recover. */
 void play(const struct oracle *oracle, const uint8_t *bytes, size_t size);
 
-/* Stops the run, saying why. */
+/* Stops the run, stating why. */
 void fail(const char *why);
 #define REQUIRE(condition) ((condition) ? (void)0 : fail(#condition))
 
-/* `a` is before `b`, the nearer way round. */
+/* `a` is before `b`, across the wrap if that is nearer. */
 static inline bool earlier(uint32_t a, uint32_t b) { return (int32_t)(a - b) < 0; }
 
 #endif

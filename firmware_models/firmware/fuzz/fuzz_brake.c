@@ -1,5 +1,5 @@
-/* Brake controller: volts beyond the self test's only while the drive in force says so: on its outputs, up to its amplitude, as
- * far as its charge may go, turned round in time; vibration only while a burst says so. Hardware that breaks must be noticed. */
+/* Brake controller: volts beyond the self test's only while the drive in force asks for them: on its outputs, up to its amplitude, as
+ * far as its charge may go, turned round in time; vibration only while a burst asks for it. Hardware that breaks must be noticed. */
 #include <string.h>
 
 #include "fuzz.h"
@@ -98,7 +98,7 @@ static double charge_pc(uint8_t mask, double amplitude) {
     return total * amplitude;
 }
 
-/* As far as the oracle can tell a drive may have volts; to 5 %, for the self test measures. */
+/* As far as the oracle knows a drive may have volts; to 5 %, for the self test measures. */
 static bool within_limits(const struct drive *d, uint16_t ttl) {
     const double charge = charge_pc(d->mask, d->volts);
     if (d->volts == 0 || d->mask == 0 || d->mask & ~OUTPUT_MASK) return false;

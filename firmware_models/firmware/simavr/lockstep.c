@@ -67,7 +67,7 @@ struct lockstep {
     struct lockstep_calls calls;
     void *user;
     uint32_t board;
-    uint32_t word;       /* as last told */
+    uint32_t word;       /* as last reported */
     uint32_t chain;      /* in the shift registers, bit 0 the last one shifted in */
     uint32_t latched;    /* at their outputs */
     uint16_t converter;  /* bits shifted in since its select fell */
@@ -124,7 +124,7 @@ static void pins_moved(struct lockstep *s)
         s->given = converted(s->converter);
     if (!(b & B_LATCH)) {
         s->setpoint = s->given;
-        return; /* told as one with what the rising edge takes over */
+        return; /* reported as one with what the rising edge takes over */
     }
     uint32_t word = output_word(s);
     if (word != s->word) {
@@ -150,7 +150,7 @@ static void on_spi(struct avr_irq_t *irq, uint32_t value, void *param)
     }
 }
 
-/* simavr 1.6 lets every byte take 100 us; its own timer is set to what the registers say. */
+/* simavr 1.6 lets every byte take 100 us; its own timer is set as the registers are. */
 static void on_spi_begun(struct avr_t *avr, avr_io_addr_t addr, uint8_t value, void *param)
 {
     static const uint8_t divider_bits[] = {2, 4, 6, 7};
@@ -311,7 +311,7 @@ static avr_io_t *module(avr_t *avr, const char *kind)
     return io;
 }
 
-/* Every write is told, not only those that change something since the last reset but one. */
+/* Every write is reported, not only those that change something since the last reset but one. */
 static void watch(struct lockstep *s, uint32_t port, int index)
 {
     avr_irq_t *irq = avr_io_getirq(s->avr, port, index);

@@ -2,7 +2,7 @@
  * sees.
  *
  * Times are CPU cycles since power-on, resets included. What happens depends on the bytes and senses handed in and
- * on their cycles, and on nothing else; in particular not on how far lockstep_run is told to go at a time. */
+ * on their cycles, and on nothing else; in particular not on how far lockstep_run goes at a time. */
 #ifndef LOCKSTEP_H
 #define LOCKSTEP_H
 

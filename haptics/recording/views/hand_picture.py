@@ -24,10 +24,16 @@ Floats = NDArray[np.floating[Any]]
 def draw_hand(
     axes: Any, joints_m: Floats, centres_m: Floats, rise_k: Floats, out: NDArray[np.bool_], side: str, scale: Any
 ) -> Any:
-    """Draw one pose; returns what a colour bar needs.
+    """Draw one pose.
 
-    :param joints_m: (26, 3). :param centres_m: actuators (n, 3). :param rise_k: (n,), not finite where unknown.
-    :param out: (n,), whose pins are out. :param scale: the colour map.
+    :param axes: of matplotlib; their limits are set.
+    :param joints_m: the 26 joints of OpenXR, m (26, 3).
+    :param centres_m: actuators, m (n, 3).
+    :param rise_k: of each actuator, K (n,); not finite where unknown.
+    :param out: whose pins are out (n,).
+    :param side: "left" or "right".
+    :param scale: the colour map.
+    :return: what matplotlib needs for a colour bar.
     """
     flat = palm_view(joints_m, side)
     points, centres = flat(joints_m), flat(centres_m)
@@ -61,7 +67,12 @@ def draw_hand(
 
 
 def palm_view(joints_m: Floats, side: str) -> Callable[[Floats], Floats]:
-    """A projection (n, 3) -> (n, 2) in metres onto the palm: fingers up, palm toward the reader."""
+    """A projection onto the palm: fingers up, palm toward the reader.
+
+    :param joints_m: the 26 joints of OpenXR, m (26, 3).
+    :param side: "left" or "right".
+    :return: a function of points, m (n, 3), to points in the plane, m (n, 2).
+    """
     up = joints_m[_MIDDLE_KNUCKLE] - joints_m[_WRIST]
     up = up / (np.linalg.norm(up) or 1.0)
     across = joints_m[_INDEX_KNUCKLE] - joints_m[_LITTLE_KNUCKLE]

@@ -30,6 +30,10 @@ _WIDTH_IN, _HEIGHT_IN, _TOP = 11.0, 12.5, 0.4
 def write_picture(recording: Recording, path: str | os.PathLike[str], *, force: bool = False) -> Path:
     """Write ``recording`` as a PNG picture.
 
+    :param recording: what to draw.
+    :param path: the file to write (``.png``).
+    :param force: overwrite it if it exists.
+    :return: the file.
     :raises InputError: matplotlib is not installed, or ``path`` exists and ``force`` is not given.
     """
     matplotlib = _matplotlib()

@@ -12,23 +12,32 @@ from haptics.recording.output import replacing
 
 
 def open_rerun() -> Any:
-    """The module.
+    """Import rerun.
 
+    :return: the module.
     :raises InputError: it is not installed.
     """
     try:
         import rerun
     except ImportError as error:
-        raise InputError(f"the viewer's files need rerun ({error}): pip install 'wearable-haptics[view]'") from error
+        raise InputError(
+            f"the viewer's files need rerun ({error}); install it with: pip install 'wearable-haptics[view]'"
+        ) from error
     return rerun
 
 
 @contextmanager
 def viewer_file(rr: Any, path: Path, force: bool, application: str, number: str, blueprint: Callable[[], Any]) -> Iterator[Any]:
-    """A stream to log to; what was logged becomes the file. The bytes go to the disk by our own hand: rerun waits for ever on
-    one that is full.
+    """A stream to log to; what was logged becomes the file. The bytes do not go through rerun's own sink, which waits for ever on
+    a full disk.
 
-    :param number: of the recording, hexadecimal. :param blueprint: the layout of the viewer's windows.
+    :param rr: the module.
+    :param path: the file to write (``.rrd``).
+    :param force: overwrite it if it exists.
+    :param application: name that the viewer groups recordings by.
+    :param number: of the recording, hexadecimal.
+    :param blueprint: the layout of the viewer's windows.
+    :return: the stream, as a context.
     :raises InputError: ``path`` exists and ``force`` is not given.
     :raises HapticsError: there were data that rerun cannot log, or the file cannot be written.
     """
@@ -44,7 +53,7 @@ def viewer_file(rr: Any, path: Path, force: bool, application: str, number: str,
 
 @contextmanager
 def _strict(rr: Any) -> Iterator[None]:
-    """Data that rerun cannot log, of which it only warns unless told otherwise, are an error inside.
+    """Data that rerun cannot log, of which it only warns by default, are an error inside.
 
     :raises HapticsError: there were such data.
     """

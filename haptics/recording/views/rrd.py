@@ -30,6 +30,10 @@ _BONE_COLOUR, _JOINT_COLOUR = (150, 150, 160), (200, 200, 208)
 def write_rrd(recording: Recording, path: str | os.PathLike[str], *, force: bool = False) -> Path:
     """Write ``recording`` for the rerun viewer: hands, actuators coloured by temperature rise, pins, brakes, events.
 
+    :param recording: what to show.
+    :param path: the file to write (``.rrd``).
+    :param force: overwrite it if it exists.
+    :return: the file.
     :raises InputError: rerun is not installed, or ``path`` exists and ``force`` is not given.
     :raises HapticsError: rerun cannot write the file.
     """

@@ -20,7 +20,7 @@ from haptics.time import NS_PER_S
 RISE_SCALE_K = 25.0
 """Temperature rise at the top of the colour scale."""
 RISE_COLOURS = ((69, 117, 180), (145, 191, 219), (254, 224, 144), (252, 141, 89), (215, 48, 39))
-"""The colour scale from 0 K to :data:`RISE_SCALE_K` in equal steps (sRGB): blue to red, told apart by the colour-blind."""
+"""The colour scale from 0 K to :data:`RISE_SCALE_K` in equal steps (sRGB): blue to red, distinct to the colour-blind."""
 
 FINGERS = ("thumb", "index", "middle", "ring", "little")
 SIDES = ("left", "right")
@@ -32,7 +32,7 @@ CHAINS = np.array(
 )
 """Joint indices from the wrist to each fingertip, (5, 6); the thumb's tip is repeated."""
 
-# where a glove's actuators sit if the recording does not say: halfway between two joints
+# where a glove's actuators sit if the recording does not state it: halfway between two joints
 _NOMINAL_SITES = {
     **{f"{finger}_tip": (tip, tip) for finger, tip in zip(FINGERS, _TIP, strict=True)},
     **{f"{finger}_phalanx": (tip - 2, tip - 1) for finger, tip in zip(FINGERS[:4], _TIP, strict=False)},
@@ -55,10 +55,10 @@ _KNOWN: dict[str, dict[str, tuple[str, tuple[int, ...] | None]]] = {
 class Sites:
     """Where actuators sit on the joints: ``c = W p + R(q_f) o``.
 
-    :ivar names: (n,)
-    :ivar weights: ``W`` (n, 26).
-    :ivar offset_joint: ``f`` (n,), the joint in whose axes the offset is.
-    :ivar offset_m: ``o`` (n, 3).
+    :ivar names: of the actuators (n,).
+    :ivar weights: ``W``, of each joint (n, 26).
+    :ivar offset_joint: ``f`` (n,), the joint in whose axes the offset is, 0 to 25.
+    :ivar offset_m: ``o``, m (n, 3).
     """
 
     names: tuple[str, ...]
@@ -67,7 +67,11 @@ class Sites:
     offset_m: NDArray[np.float64]
 
     def positions(self, poses: NDArray[np.void]) -> NDArray[np.float32]:
-        """Centres (time, n, 3) in metres."""
+        """Centres of the actuators.
+
+        :param poses: rows of the stream ``poses`` (time,).
+        :return: m (time, n, 3).
+        """
         centres = np.einsum("sj,tjk->tsk", self.weights, poses["position_m"].astype(float))
         if np.any(self.offset_m):
             turn = poses["orientation_xyzw"][:, self.offset_joint].astype(float)
@@ -79,6 +83,8 @@ class Sites:
 def sites_of(recording: Recording) -> Sites:
     """The header's ``sites`` (``names``, ``weights``, ``offset_joint``, ``offset_m``), or a nominal glove's.
 
+    :param recording: whose header is read.
+    :return: the sites.
     :raises InputError: they are not of that form.
     """
     given = recording.header.get("sites")
@@ -100,19 +106,23 @@ def _sites(given: dict[str, Any]) -> Sites:
     joint = np.array(given.get("offset_joint", np.zeros(count, int)))
     offset_m = np.array(given.get("offset_m", np.zeros((count, 3))), float)
     if not all(isinstance(name, str) and is_unicode(name) for name in given["names"]):
-        raise TypeError("a name is no text")
+        raise TypeError("a name is not text")
     if weights.shape != (count, 26) or joint.shape != (count,) or offset_m.shape != (count, 3):
         raise ValueError(f"{count} names, weights {weights.shape}, offset_joint {joint.shape}, offset_m {offset_m.shape}")
     if count and (joint.dtype.kind != "i" or joint.min() < 0 or joint.max() > 25):
-        raise ValueError("offset_joint names no joint")
+        raise ValueError("offset_joint is not a joint, 0 to 25")
     if not (np.abs(weights) <= 1e3).all() or not (np.abs(offset_m) <= 1e3).all():
-        raise ValueError("a number that is no weight or offset")
+        raise ValueError("a weight or offset beyond 1000")
     return Sites(tuple(given["names"]), weights, joint.astype(np.intp), offset_m)
 
 
 def rows(recording: Recording, name: str, fields: Sequence[str]) -> NDArray[np.void]:
-    """A stream's rows, or none if it lacks the stream or one of ``fields``.
+    """A stream's rows.
 
+    :param recording: where to look.
+    :param name: of the stream.
+    :param fields: that it must have.
+    :return: structured array ``(n,)``; empty if the recording lacks the stream or one of ``fields``.
     :raises InputError: a field that views look for is of another type or shape.
     """
     if name in recording and set(fields) <= set(recording.streams[name].fields):
@@ -124,7 +134,12 @@ def rows(recording: Recording, name: str, fields: Sequence[str]) -> NDArray[np.v
 
 
 def field(rows: NDArray[np.void], name: str) -> NDArray[Any]:
-    """A field as (time, n), with n = 0 if there is no such field."""
+    """A field of rows as a table.
+
+    :param rows: structured array (time,).
+    :param name: of the field.
+    :return: its values (time, n), with n = 0 if there is no such field.
+    """
     if name not in (rows.dtype.names or ()):
         return np.zeros((len(rows), 0))
     width = int(np.prod(rows.dtype[name].shape))
@@ -132,7 +147,12 @@ def field(rows: NDArray[np.void], name: str) -> NDArray[Any]:
 
 
 def poses_of(recording: Recording, side: str) -> NDArray[np.void]:
-    """Accepted, finite poses of one hand."""
+    """Accepted, finite poses of one hand.
+
+    :param recording: where to look.
+    :param side: "left" or "right".
+    :return: rows of the stream ``poses`` (n,).
+    """
     poses = rows(recording, "poses", ("side", "accepted", "position_m", "orientation_xyzw"))
     if not len(poses):
         return poses
@@ -141,13 +161,21 @@ def poses_of(recording: Recording, side: str) -> NDArray[np.void]:
 
 
 def glove_side(recording: Recording) -> str:
-    """The hand that wears the glove: the header's ``side``, or the one with more poses."""
+    """The hand that wears the glove: the header's ``side``, or the one with more poses.
+
+    :param recording: where to look.
+    :return: "left" or "right".
+    """
     side = recording.header.get("side")
     return side if side in SIDES else max(reversed(SIDES), key=lambda side: len(poses_of(recording, side)))
 
 
 def start_ns(recording: Recording) -> int:
-    """When the session began: the header's ``start_ns``, or the earliest row that a view shows."""
+    """When the session began: the header's ``start_ns``, or the earliest row that a view shows.
+
+    :param recording: where to look.
+    :return: host time, ns; 0 if there are no rows.
+    """
     given = recording.header.get("start_ns")
     if isinstance(given, int) and abs(given) < 2**62:
         return given
@@ -156,17 +184,30 @@ def start_ns(recording: Recording) -> int:
 
 
 def seconds(time_ns: NDArray[Any], origin_ns: int) -> NDArray[np.float64]:
-    """Seconds since ``origin_ns``."""
+    """Time since an origin.
+
+    :param time_ns: ns, any shape.
+    :param origin_ns: ns.
+    :return: s, the same shape.
+    """
     return (time_ns - origin_ns) / NS_PER_S
 
 
 def text(column: NDArray[Any]) -> list[str]:
-    """A column of fixed-length text; numbers read as such."""
+    """A column of fixed-length text; numbers read as such.
+
+    :param column: (n,).
+    :return: n texts.
+    """
     return [value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value) for value in column.tolist()]
 
 
 def events_of(recording: Recording) -> list[tuple[int, str, str]]:
-    """What happened, in time's order: (time_ns, level, words), level ``WARN`` for faults and for pulses denied."""
+    """What happened, in time's order.
+
+    :param recording: where to look.
+    :return: (time_ns, level, words) of each; level ``WARN`` for faults and for pulses denied, else ``INFO``.
+    """
     lines = []
     for row in rows(recording, "events", ("kind",)):
         words = " ".join(filter(None, text(np.array([row[field] for field in row.dtype.names[1:]]))))
@@ -184,7 +225,11 @@ def events_of(recording: Recording) -> list[tuple[int, str, str]]:
 
 
 def touches_of(recording: Recording) -> list[tuple[int, str]]:
-    """When the hand touched: (time_ns, site) of the events of kind ``touch``."""
+    """When the hand touched: the events of kind ``touch``.
+
+    :param recording: where to look.
+    :return: (time_ns, site) of each.
+    """
     events = rows(recording, "events", ("kind", "subject"))
     if not len(events):
         return []
@@ -193,18 +238,32 @@ def touches_of(recording: Recording) -> list[tuple[int, str]]:
 
 
 def labels(names: Sequence[str], count: int, what: str) -> list[str]:
-    """``count`` names: those given, and numbers for the rest."""
+    """Names for a number of lines: those given, then numbers.
+
+    :param names: as far as they are known.
+    :param count: how many are wanted.
+    :param what: word before a number.
+    :return: ``count`` names.
+    """
     return [*names[:count], *(f"{what} {index}" for index in range(len(names), count))]
 
 
 def brakes_of(recording: Recording) -> tuple[str, ...]:
-    """What each output of the brake controller drives: the header's ``brakes``, as far as they are named."""
+    """What each output of the brake controller drives: the header's ``brakes``.
+
+    :param recording: whose header is read.
+    :return: names, as far as there are any.
+    """
     given = recording.header.get("brakes")
     return tuple(map(str, given)) if isinstance(given, list) else ()
 
 
 def rise_colours(rise_k: NDArray[Any]) -> NDArray[np.uint8]:
-    """Colours (..., 3) of temperature rises (...,) in kelvin; what is not finite is grey."""
+    """Colours of temperature rises; what is not finite is grey.
+
+    :param rise_k: K (...,).
+    :return: sRGB (..., 3).
+    """
     known = np.isfinite(rise_k)
     place = np.clip(np.where(known, rise_k, 0.0) / RISE_SCALE_K, 0.0, 1.0)
     steps = np.linspace(0.0, 1.0, len(RISE_COLOURS))

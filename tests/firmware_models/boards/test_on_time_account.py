@@ -7,7 +7,7 @@ import random
 from collections.abc import Callable, Iterator
 
 import pytest
-from core_bench import MS, SUPPLY, WRAP, Bench, CoilHeat as KeptHeat, Memory, build_library
+from core_bench import MS, SUPPLY, WRAP, Bench, CoilHeat as KeptHeat, Memory
 from sim_host import NEEDS_AVR, NEEDS_CC, Host
 
 from firmware_models.boards.coil_heat import CoilHeat
@@ -45,9 +45,9 @@ class Attacker(Host):
         statuses = [Status(one.message.status) for one in self.heard[before:] if one.name == "reply"]
         return {status: statuses.count(status) for status in set(statuses)}
 
-    def reboot(self, way: str) -> None:
+    def reboot(self, how: str) -> None:
         """Cut the board short, in the middle of a frame it may be, and meet it again."""
-        self.port.set_load(0, **{way: 1})
+        self.port.set_load(0, **{how: 1})
         self.run(25)
         self.send("identify")  # what answers it may be lost behind half a frame
         self.run(10)
@@ -102,22 +102,22 @@ def test_an_attack_of_minutes_is_worth_no_more(attacker, core):
 
 
 @cores
-@pytest.mark.parametrize("way", ["disarm", "stop", "silence", "reset", "brown_out"])
-def test_no_way_of_ending_and_beginning_anew_gives_a_coil_more(attacker, core, way):
-    """80 ms at a time, less than is noted without power, fifteen times over: were each to begin at nothing, 1.2 s more."""
+@pytest.mark.parametrize("how", ["disarm", "stop", "silence", "reset", "brown_out"])
+def test_no_form_of_ending_and_beginning_anew_gives_a_coil_more(attacker, core, how):
+    """80 ms at a time, less than is noted without power, eight times over: were each to begin at nothing, 0.64 s more."""
     a = attacker(core, spread=0, **WORST)
-    for _ in range(15):
+    for _ in range(8):
         a.attack(0.08)
-        if way in ("disarm", "stop"):
-            a.ask(way)
-        elif way == "silence":
+        if how in ("disarm", "stop"):
+            a.ask(how)
+        elif how == "silence":
             a.run(150)
         else:
-            a.reboot(way)
+            a.reboot(how)
         a.ask("disarm")
         assert a.status("arm", a.ask("identify").boot_id) == Status.OK
-    a.attack(3.0)
-    assert a.rise_k() < WORST_K + 0.1 / 97 * 79 * WORST_W  # the least that is noted
+    a.attack(2.6)
+    assert a.rise_k() < WORST_K + 0.1 / 97 * 79 * WORST_W  # the minimum that is noted
 
 
 @cores
@@ -139,15 +139,15 @@ def test_what_is_asked_for_and_called_off_again_makes_no_room(attacker, core):
 
 
 @cores
-@pytest.mark.parametrize("way", ["disarm", "reset"])
-def test_a_stuck_driver_gives_no_more_however_often_it_is_armed(attacker, core, way):
+@pytest.mark.parametrize("how", ["disarm", "reset"])
+def test_a_stuck_driver_gives_no_more_however_often_it_is_armed(attacker, core, how):
     a = attacker(core, spread=0, **WORST)
     a.attack(2.4)
     a.port.set_load(1, driver_stuck=1)
     answers = []
     for _ in range(30):
         a.live(20)
-        if way == "reset":
+        if how == "reset":
             a.reboot("reset")
         a.ask("disarm")
         answers.append(a.status("arm", a.ask("identify").boot_id))
@@ -157,8 +157,8 @@ def test_a_stuck_driver_gives_no_more_however_often_it_is_armed(attacker, core, 
 
 
 @cores
-@pytest.mark.parametrize(("way", "apart_ms"), [("disarm", 9), ("stop", 3), ("disarm", 0)])
-def test_a_stuck_driver_gives_no_more_to_a_host_that_ends_before_anything_latches(attacker, core, way, apart_ms):
+@pytest.mark.parametrize(("how", "apart_ms"), [("disarm", 9), ("stop", 3), ("disarm", 0)])
+def test_a_stuck_driver_gives_no_more_to_a_host_that_ends_before_anything_latches(attacker, core, how, apart_ms):
     """Fed for less than it takes to notice, and at the shortest for less than until the first look, over and over."""
     a = attacker(core, spread=0, **WORST)
     a.attack(2.4)
@@ -166,7 +166,7 @@ def test_a_stuck_driver_gives_no_more_to_a_host_that_ends_before_anything_latche
     boot_id = a.ask("identify").boot_id
     answers = []
     for _ in range(900 // (apart_ms + 2)):
-        a.ask(way)
+        a.ask(how)
         answers.append(a.status("arm", boot_id))
         a.run(apart_ms)
     assert Status.OK in answers
@@ -205,11 +205,6 @@ def test_a_sound_board_pays_nothing_for_being_armed_and_looked_at(attacker, core
 # The C core, beside an account of the test's own.
 
 
-@pytest.fixture(scope="module")
-def library(tmp_path_factory):
-    return build_library(tmp_path_factory.mktemp("core"))
-
-
 @pytest.fixture
 def bench(library) -> Iterator[Callable[..., Bench]]:
     opened: list[Bench] = []
@@ -244,7 +239,7 @@ def test_the_account_is_the_integral_it_stands_for(bench):
             at = max(at, start)
             account[channel] += ms
 
-    for _ in range(3000):
+    for _ in range(1500):
         carry()
         channel = rng.randrange(4)
         duration = rng.choice((1, 5, 20, 100, 200))
@@ -271,7 +266,7 @@ def test_the_account_is_the_integral_it_stands_for(bench):
     h.ask("identify", seq=0)
     expected = [math.ceil((account[k] + sum(ms for _, one, ms in waiting if one == k)) / 20) for k in range(15)]
     assert all(0 <= shown - true <= 1 for shown, true in zip(h.telemetry().heat, expected, strict=True))
-    assert min(seen.values()) > 300
+    assert min(seen.values()) > 150
 
 
 def test_a_long_time_after_its_last_pulse_a_coil_is_cold_and_the_board_has_nothing_to_do(bench):

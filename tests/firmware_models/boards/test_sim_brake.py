@@ -267,8 +267,8 @@ def test_stop_shorts_at_once_and_disarms(host, command) -> None:
     assert h.port.truth()["volts"] == pytest.approx([0.0] * 5, abs=1e-3)
 
 
-@pytest.mark.parametrize("way", ["stop", "disarm", "dead-man", "lid", "brown-out"])
-def test_nothing_asked_before_it_was_made_safe_comes_back_once_it_is_armed_again(host, way) -> None:
+@pytest.mark.parametrize("how", ["stop", "disarm", "dead-man", "lid", "brown-out"])
+def test_nothing_asked_before_it_was_made_safe_comes_back_once_it_is_armed_again(host, how) -> None:
     """Volts and bursts that run, that wait for their tick, and a drive that waits for the outputs to be empty."""
     h = armed(host, spread=0)
     drive(h, h.tick_in(2), 1, 1000, 100, 2000)
@@ -288,13 +288,13 @@ def test_nothing_asked_before_it_was_made_safe_comes_back_once_it_is_armed_again
         "dead-man": lambda: h.run(101),
         "lid": lambda: h.port.set_load(0, lid_open=1),
         "brown-out": lambda: h.port.set_load(0, brown_out=1),
-    }[way]()
+    }[how]()
     h.port.set_load(0, lid_open=0)
     h.run(1)
     assert h.port.truth()["state"] not in (State.ARMED, State.DRIVING)
     h.send("sync", 1)  # whose answer may be lost behind half a frame of before a reset
     h.run(DISCHARGE_MS)
-    assert begun == [] or way == "dead-man"  # which lets it begin, and ends it
+    assert begun == [] or how == "dead-man"  # which lets it begin, and ends it
     h.status("disarm")
     h.arm()
     seen = hold(h, 450)

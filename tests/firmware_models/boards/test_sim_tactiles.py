@@ -207,7 +207,7 @@ def test_a_pin_reaches_the_skin_in_the_models_time_and_comes_back(host, level) -
     assert (events["reached_off"] - (start + 60_000) * 500) / 1e9 == pytest.approx(back_s, abs=tolerance_s)
     assert truth["latched"][0] == "off"
     assert truth["switches"][0] == 2
-    assert h.port.truth()["events"] == []  # told once
+    assert h.port.truth()["events"] == []  # reported once
 
 
 def test_actuators_differ_within_what_is_stated_and_spread_zero_makes_them_alike(host) -> None:

@@ -58,9 +58,9 @@ def test_the_seed_decides_the_boot_id(host, board) -> None:
 
 
 def test_options_that_the_chip_cannot_honour_are_refused_by_name(host) -> None:
-    with pytest.raises(InputError, match="tick_offset = 5 is not allowed with core = avr"):
+    with pytest.raises(InputError, match="tick_offset = 5 is not possible with core = avr"):
         host("tactiles", core="avr", tick_offset=5)
-    with pytest.raises(InputError, match="baud = 115200 is not allowed with core = avr"):
+    with pytest.raises(InputError, match="baud = 115200 is not possible with core = avr"):
         host("tactiles", core="avr", baud=115_200)
 
 

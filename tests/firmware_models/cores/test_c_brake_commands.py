@@ -2,21 +2,15 @@
 
 from __future__ import annotations
 
-import ctypes
 import math
 from collections.abc import Callable, Iterator
 
 import pytest
 from brake_bench import OK, BrakeBench, benches, max_dhz
 from brake_circuit import ENABLED, NOMINAL_F, POSITIVE, Circuit
-from core_bench import MS, build_library, in_ticks
+from core_bench import MS, in_ticks
 
 from haptics.link.messages import State, Status
-
-
-@pytest.fixture(scope="module")
-def library(tmp_path_factory) -> ctypes.CDLL:
-    return build_library(tmp_path_factory.mktemp("core"))
 
 
 @pytest.fixture
@@ -25,7 +19,7 @@ def bench(library) -> Iterator[Callable[..., BrakeBench]]:
 
 
 def test_refusals_come_in_order_and_say_what_is_wrong(bench) -> None:
-    """Each line is wrong in its own way and in all those below it."""
+    """Each line has a fault of its own and all those of the lines below it."""
     h = bench(Circuit([NOMINAL_F] * 4 + [0.0])).armed()
     late, far = in_ticks(h.now, -3), in_ticks(h.now, 1000.0005)
     rows = [

@@ -2,21 +2,15 @@
 
 from __future__ import annotations
 
-import ctypes
 import math
 from collections.abc import Callable, Iterator
 
 import pytest
 from brake_bench import NOMINAL_PF, OK, BrakeBench, benches
 from brake_circuit import ALL, ENABLED, HIGHEST, NOMINAL_F, Circuit
-from core_bench import BOOT_ID, MS, build_library, in_ticks
+from core_bench import BOOT_ID, MS, in_ticks
 
 from haptics.link.messages import Fault, State, Status
-
-
-@pytest.fixture(scope="module")
-def library(tmp_path_factory) -> ctypes.CDLL:
-    return build_library(tmp_path_factory.mktemp("core"))
 
 
 @pytest.fixture

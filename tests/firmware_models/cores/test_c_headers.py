@@ -1,4 +1,4 @@
-"""The generated headers are up to date, and a C compiler reads out of them what Python's table says."""
+"""The generated headers are up to date, and a C compiler reads out of them what Python's table has."""
 
 from __future__ import annotations
 

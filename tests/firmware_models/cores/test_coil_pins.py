@@ -67,7 +67,7 @@ def test_a_stuck_driver_drives_its_coil_toward_the_skin_as_long_as_it_is_fed() -
     one = pins(driver_stuck=0b100)
     one.outputs(word(0), MS)
     assert one.energised(MS) == [2]
-    one.outputs(word(0b100, 0), 2 * MS)  # back, says the word
+    one.outputs(word(0b100, 0), 2 * MS)  # back, by the word
     assert one.energised(2 * MS) == [2]
     assert one.truth(20 * MS)["latched"][2] == "on"
     one.off(20 * MS)

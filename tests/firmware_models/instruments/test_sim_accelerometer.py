@@ -183,10 +183,10 @@ def test_a_loose_one_feels_little_and_lost_lines_leave_gaps_in_the_count():
 
 
 @pytest.mark.parametrize(
-    ("query", "says"), [("range_g=3", "allowed: 2, 4, 8, 16"), ("drop=2", "drop"), ("rate_hz=1e5", "rate_hz")]
+    ("query", "words"), [("range_g=3", "allowed: 2, 4, 8, 16"), ("drop=2", "drop"), ("rate_hz=1e5", "rate_hz")]
 )
-def test_bad_values_are_refused_by_name(query, says):
-    with pytest.raises(InputError, match=says):
+def test_bad_values_are_refused_by_name(query, words):
+    with pytest.raises(InputError, match=words):
         Bench("", query)
 
 

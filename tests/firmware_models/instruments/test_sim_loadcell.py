@@ -134,5 +134,5 @@ def test_looking_at_the_tension_takes_nothing_from_the_board(bench):
 
 
 def test_it_takes_no_load(bench):
-    with pytest.raises(InputError, match="not for a loadcell"):
+    with pytest.raises(InputError, match="does not act on a loadcell"):
         bench().cell.set_load(0, pull_n=1.0)

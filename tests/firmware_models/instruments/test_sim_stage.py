@@ -22,9 +22,9 @@ class Bench:
             serial.protocol_handler_packages.append("firmware_models")
         self.brake: Any = serial.serial_for_url("sim://brake?world=stage&clock=virtual&spread=0", timeout=0)
         self.stage: Any = serial.serial_for_url(f"sim://stage?world=stage&clock=virtual{keys}", baudrate=115_200, timeout=0)
-        self.say(b"", 0.01)
+        self.send(b"", 0.01)
 
-    def say(self, data: bytes, wait_s: float = 0.02) -> list[str]:
+    def send(self, data: bytes, wait_s: float = 0.02) -> list[str]:
         """Lines that come within so long after some bytes."""
         if data:
             self.stage.write(data)
@@ -62,20 +62,20 @@ def test_it_greets_and_says_how_it_is(bench):
     one = bench()
     one.close()
     made = bench()
-    assert made.say(b"?") == ["<Idle|MPos:0.000,0.000,0.000|FS:0,0>"]
-    assert made.say(b"\n") == ["ok"]
+    assert made.send(b"?") == ["<Idle|MPos:0.000,0.000,0.000|FS:0,0>"]
+    assert made.send(b"\n") == ["ok"]
 
 
 def test_a_jog_moves_the_hand_at_its_speed_and_ends_where_it_should(bench):
     one = bench("&pitch=1.002&accel_m_s2=0.5")
-    assert one.say(b"$J=G91 X10 F60\n") == ["ok"]
+    assert one.send(b"$J=G91 X10 F60\n") == ["ok"]
     one.wait(1.0)
     begin_m = one.hand_m
     one.wait(5.0)
     assert (one.hand_m - begin_m) / 5.0 == pytest.approx(1.002e-3, rel=1e-9)
-    assert one.say(b"?", 0.01)[0].startswith("<Jog|MPos:6.0")
+    assert one.send(b"?", 0.01)[0].startswith("<Jog|MPos:6.0")
     one.wait(4.5)
-    assert one.say(b"?") == ["<Idle|MPos:10.000,0.000,0.000|FS:0,0>"]
+    assert one.send(b"?") == ["<Idle|MPos:10.000,0.000,0.000|FS:0,0>"]
     assert one.hand_m == pytest.approx(1.002 * 10e-3, abs=1e-9)
 
 
@@ -98,21 +98,21 @@ def test_it_speeds_up_and_brakes_as_told(bench):
 @pytest.mark.parametrize("cancel", [b"\x85", b"!"])
 def test_jog_cancel_stops_it_at_once_and_forgets_what_waits(bench, cancel):
     one = bench("&accel_m_s2=0.5")
-    assert one.say(b"$J=G91 X10 F1200\n$J=G91 X10 F1200\n", 0.2) == ["ok", "ok"]
+    assert one.send(b"$J=G91 X10 F1200\n$J=G91 X10 F1200\n", 0.2) == ["ok", "ok"]
     one.stage.write(cancel)
     one.wait(0.05)  # 20 mm/s at 0.5 m/s2 takes 40 ms
     stopped_m = one.hand_m
     one.wait(2.0)
     assert one.hand_m == stopped_m
     assert 3e-3 < stopped_m < 6e-3
-    assert one.say(b"?")[0].startswith("<Idle|MPos:")
-    assert one.say(b"$J=G91 X-1 F600\n", 1.0) == ["ok"]
+    assert one.send(b"?")[0].startswith("<Idle|MPos:")
+    assert one.send(b"$J=G91 X-1 F600\n", 1.0) == ["ok"]
     assert one.hand_m == pytest.approx(stopped_m - 1e-3 * one.stage.truth()["pitch"], abs=1e-8)
 
 
 def test_jogs_wait_for_the_one_before(bench):
     one = bench("&pitch=1")
-    assert one.say(b"$J=G91 X2 F600\n$J=G91 X-1 F600\n", 0.5) == ["ok", "ok"]
+    assert one.send(b"$J=G91 X2 F600\n$J=G91 X-1 F600\n", 0.5) == ["ok", "ok"]
     assert one.hand_m == pytest.approx(1e-3, abs=1e-9)
 
 
@@ -129,33 +129,33 @@ def test_jogs_wait_for_the_one_before(bench):
 )
 def test_a_line_it_does_not_take_moves_nothing(bench, line, answer):
     one = bench()
-    assert one.say(line, 0.5) == [answer]
+    assert one.send(line, 0.5) == [answer]
     assert one.hand_m == 0.0
 
 
 def test_a_locked_stage_refuses_and_a_stuck_one_does_not_know(bench):
     locked = bench("&locked=1")
-    assert locked.say(b"$J=G91 X1 F600\n") == ["error:9"]
-    assert locked.say(b"?")[0].startswith("<Alarm|")
+    assert locked.send(b"$J=G91 X1 F600\n") == ["error:9"]
+    assert locked.send(b"?")[0].startswith("<Alarm|")
     locked.close()
     stuck = bench("&stuck=1")
-    assert stuck.say(b"$J=G91 X1 F600\n", 0.5) == ["ok"]
-    assert stuck.say(b"?")[0].startswith("<Idle|MPos:1.000")
+    assert stuck.send(b"$J=G91 X1 F600\n", 0.5) == ["ok"]
+    assert stuck.send(b"?")[0].startswith("<Idle|MPos:1.000")
     assert stuck.hand_m == 0.0
 
 
 def test_a_clamp_that_slips_lets_the_tension_rise_no_further(bench):
     one = bench("&pitch=1&slip_n=2e-3")
     one.brake.set_load(0, hand_m=0.0)
-    one.say(b"$J=G91 X3 F60\n", 3.5)
+    one.send(b"$J=G91 X3 F60\n", 3.5)
     # Strips that are off hold 5 mN; the clamp gives way at 2 mN. A step of 1 ms at 1 mm/s against 0.8 N/mm (finger) is 0.8 mN.
     assert 1.9e-3 < one.brake.truth()["tension_n"][0] < 2.9e-3
     assert one.hand_m < 1.1e-3  # the slack of 1 mm and a little
-    assert one.say(b"?")[0].startswith("<Idle|MPos:3.000")
+    assert one.send(b"?")[0].startswith("<Idle|MPos:3.000")
 
 
 def test_it_takes_no_load(bench):
-    with pytest.raises(InputError, match="not for a stage"):
+    with pytest.raises(InputError, match="does not act on a stage"):
         bench().stage.set_load(0, pull_n=1.0)
 
 

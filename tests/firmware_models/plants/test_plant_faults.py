@@ -52,7 +52,7 @@ def live_until_fault(h, max_ms: float) -> float:
     raise AssertionError(f"no fault within {max_ms} ms")
 
 
-def told(h) -> tuple[int, int]:
+def reported(h) -> tuple[int, int]:
     """Code and channel of the fault the host hears of."""
     h.run(3)
     return h.last("fault").code, h.last("fault").channel
@@ -68,7 +68,7 @@ def test_a_driver_that_sticks_on_an_armed_board_is_found_and_loses_its_feed(host
     assert h.port.energised() == [3]
     after_ms = live_until_fault(h, 20)
     assert 10.0 < after_ms < 15.0  # longer than the longest pulse, by 2 ms, and a look each ms
-    assert told(h) == (Fault.COIL_ON_TIME, WHOLE_BOARD)
+    assert reported(h) == (Fault.COIL_ON_TIME, WHOLE_BOARD)
     assert h.last("fault").value == pytest.approx(1000 * NOMINAL_VOLTS / LATCH.resistance_ohm, rel=0.1)
     assert h.port.energised() == []
 
@@ -82,7 +82,7 @@ def test_a_driver_that_is_stuck_from_the_start_is_found_when_it_is_fed(host, cor
     h.ask("identify")
     assert h.status("arm", h.port.board.boot_id) == Status.OK
     assert live_until_fault(h, 20) < 15.0
-    assert told(h)[0] == Fault.COIL_ON_TIME
+    assert reported(h)[0] == Fault.COIL_ON_TIME
 
 
 def test_a_driver_that_sticks_while_another_coil_is_on_draws_too_much(host, core) -> None:
@@ -92,7 +92,7 @@ def test_a_driver_that_sticks_while_another_coil_is_on_draws_too_much(host, core
     assert h.port.energised() == [0]
     h.port.set_load(3, driver_stuck=1)
     assert live_until_fault(h, 10) < 5  # 2 ms, from a look at most 1 ms later, and the next look
-    assert told(h) == (Fault.COIL_CURRENT, WHOLE_BOARD)
+    assert reported(h) == (Fault.COIL_CURRENT, WHOLE_BOARD)
     assert h.port.energised() == []
 
 
@@ -103,7 +103,7 @@ def test_a_shorted_coil_trips_when_it_is_switched_on(host, core) -> None:
     assert h.status("pulse", h.tick_in(2), 0b10, ALL, TEN_MS) == Status.OK
     h.live(1.5)
     assert live_until_fault(h, 8) < 5.5
-    assert told(h) == (Fault.COIL_CURRENT, WHOLE_BOARD)
+    assert reported(h) == (Fault.COIL_CURRENT, WHOLE_BOARD)
     assert h.port.energised() == []
     h.port.set_load(1, coil_short=0)
     assert h.status("disarm") == Status.OK
@@ -117,7 +117,7 @@ def test_a_supply_that_fails_latches_and_a_board_without_supply_does_not_arm(hos
     h = armed(host, "tactiles", core=core)
     h.port.set_load(0, supply_v=2.9)
     assert live_until_fault(h, 5) < 3.0
-    assert told(h) == (Fault.SUPPLY, WHOLE_BOARD)
+    assert reported(h) == (Fault.SUPPLY, WHOLE_BOARD)
     assert h.last("fault").value == pytest.approx(2900, abs=5)
     assert h.ask("disarm").detail == 1 << Fault.SUPPLY  # its cause is not gone
     h.port.set_load(0, supply_v=5.0)
@@ -132,7 +132,7 @@ def test_a_supply_that_sags_under_its_coils_latches(host, core) -> None:
     h = armed(host, "tactiles", core=core, spread=0, supply_ohm=0.5)
     assert h.status("pulse", h.tick_in(2), 0b111, ALL, TEN_MS) == Status.OK
     live_until_fault(h, 10)
-    assert told(h) == (Fault.SUPPLY, WHOLE_BOARD)
+    assert reported(h) == (Fault.SUPPLY, WHOLE_BOARD)
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -228,7 +228,7 @@ def driving(host, core, volts=1000, frequency_dhz=100, mask=1, for_ms=92.0, **qu
 def test_bad_hardware_trips_its_guard_when_it_is_driven(host, core, query, fault) -> None:
     h = driving(host, core, mask=0b1, for_ms=0, **query)
     live_until_fault(h, 250)
-    assert told(h)[0] == fault
+    assert reported(h)[0] == fault
     assert h.port.energised() == []
 
 
@@ -248,7 +248,7 @@ def test_what_breaks_while_driven_is_found(host, core, load, faults) -> None:
     assert h.port.truth()["state"] == State.DRIVING
     h.port.set_load(0, **load)
     live_until_fault(h, 130)
-    assert told(h)[0] in faults
+    assert reported(h)[0] in faults
     h.run(6)
     assert h.port.energised() == []
 
@@ -261,7 +261,7 @@ def test_the_self_test_finds_a_torn_brake_and_a_short(host, core, load, fault) -
     h.send("arm", h.ask("identify").boot_id)
     h.run(40)
     assert h.port.truth()["state"] == State.FAULT
-    assert told(h) == (fault, 3)
+    assert reported(h) == (fault, 3)
 
 
 def test_no_brake_at_all_fails_the_self_test(host, core) -> None:
@@ -269,7 +269,7 @@ def test_no_brake_at_all_fails_the_self_test(host, core) -> None:
     h.seq = 1
     h.send("arm", h.ask("identify").boot_id)
     h.run(40)
-    assert told(h) == (Fault.SELF_TEST, WHOLE_BOARD)
+    assert reported(h) == (Fault.SELF_TEST, WHOLE_BOARD)
 
 
 def test_a_lid_that_opens_makes_safe_without_a_fault_and_keeps_the_board_from_arming(host, core) -> None:
