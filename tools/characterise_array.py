@@ -29,6 +29,11 @@ from rigs.result import RigResult
 def measure(rig: str, places: dict[str, int], options: BenchOptions, ask: Callable[[str], None]) -> dict[str, RigResult]:
     """One result for each place (site or brake) and its channel.
 
+    :param rig: `thermal` or `pull`.
+    :param places: channel of each place.
+    :param options: board and instruments; the channel is set here.
+    :param ask: called, on hardware, with what to attach before each measurement; returns when that is done.
+    :return: result by place.
     :raises HapticsError: a bench failed.
     """
     jobs = [replace(options, channel=channel) for channel in places.values()]
@@ -47,6 +52,10 @@ def calibration(heat: dict[str, RigResult], pulls: dict[str, RigResult]) -> tupl
 
     The power is that of a cold pulse: a warm coil takes less, so that a budget kept by it errs to the safe side. Standard
     deviations go along: the budget counts three of them.
+
+    :param heat: results of the thermal rig by site.
+    :param pulls: results of the pull tester by brake.
+    :return: the two tables, values in the units of their keys.
     """
     tactors = {
         site: {
@@ -77,6 +86,10 @@ def calibration(heat: dict[str, RigResult], pulls: dict[str, RigResult]) -> tupl
 def written(base: str, tactors: dict[str, Any], brakes: dict[str, Any]) -> str:
     """The text of a configuration with these calibrations in it; comments and all else stay as they are.
 
+    :param base: TOML text, or empty.
+    :param tactors: calibration by site, as of ``calibration``.
+    :param brakes: calibration by brake, as of ``calibration``.
+    :return: TOML text.
     :raises InputError: the result is no valid configuration.
     """
     document = tomlkit.parse(base)
@@ -95,12 +108,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Characterise a glove and write its calibration.")
     parser.add_argument("out", type=Path, help="configuration file to write")
     parser.add_argument("--config", type=Path, help="configuration to start from [default: the simulated glove]")
-    parser.add_argument("--sites", help="sites to measure, with commas between [default: all]")
+    parser.add_argument("--sites", help="sites to measure, separated by commas [default: all]")
     parser.add_argument("--brakes", action="store_true", help="measure the brakes too (pull tester)")
-    parser.add_argument("--seed", type=int, default=1, help="seed of simulated boards and instruments")
-    parser.add_argument("--thermocouple", help="its port, on hardware")
-    parser.add_argument("--loadcell", help="its port, on hardware")
-    parser.add_argument("--stage", help="its port, on hardware")
+    parser.add_argument("--seed", type=int, default=1, help="seed of simulated boards and instruments [default: %(default)s]")
+    parser.add_argument("--thermocouple", help="port URL of the instrument, on hardware")
+    parser.add_argument("--loadcell", help="port URL of the instrument, on hardware")
+    parser.add_argument("--stage", help="port URL of the instrument, on hardware")
     parser.add_argument("--force", action="store_true", help="overwrite a file that exists")
     arguments = parser.parse_args()
     try:

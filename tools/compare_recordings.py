@@ -1,7 +1,7 @@
 """Compare two recordings, stream by stream: ``python tools/compare_recordings.py A.h5 B.h5 [--tolerance X] [--stream NAME]``.
 
 Rows are brought to the first recording's times, counted from each stream's first row, straight between rows. For every number of
-every stream both have: the root mean square and the greatest difference, and the greatest as a share of the field's span. Exit
+every stream both have: the root mean square and the maximum difference, and the maximum as a share of the field's span. Exit
 code 1 if a share is above the tolerance, or a stream is in one recording only.
 """
 
@@ -25,7 +25,16 @@ from haptics.units import in_range
 
 @dataclass(frozen=True)
 class Difference:
-    """One number of one stream. ``rows``: in either recording. ``share``: greatest difference over the span of both."""
+    """One number of one stream.
+
+    :param stream: its stream.
+    :param field: its name in the stream.
+    :param unit: of the number; empty where none is known.
+    :param rows: rows of the stream in the first and in the second recording.
+    :param rms: root mean square of the difference, in the number's unit.
+    :param greatest: maximum of the difference without sign, in the number's unit.
+    :param share: the same over the span of both, no unit.
+    """
 
     stream: str
     field: str
@@ -39,6 +48,10 @@ class Difference:
 def compare(first: Recording, second: Recording, only: str | None = None) -> list[Difference]:
     """Differences of the numbers that both recordings have, ``second`` less ``first``.
 
+    :param first: gives the times and the span.
+    :param second: brought to the times of the first.
+    :param only: a stream's name; None compares all.
+    :return: a row for each number of each stream.
     :raises InputError: a stream of that name is in neither.
     """
     names = [name for name in first.streams if name in second.streams and only in (None, name)]
@@ -50,7 +63,11 @@ def compare(first: Recording, second: Recording, only: str | None = None) -> lis
 
 
 def only_in_one(first: Recording, second: Recording) -> list[str]:
-    """Streams that have rows in one recording and are missing in the other."""
+    """Streams that are in one recording and missing in the other.
+
+    :param first, second: the recordings.
+    :return: their names, sorted.
+    """
     return sorted(set(first.streams) ^ set(second.streams))
 
 
@@ -96,7 +113,10 @@ def main() -> None:
     parser.add_argument("second", type=Path, help="recording (*.h5)")
     parser.add_argument("--stream", help="only this stream")
     parser.add_argument(
-        "--tolerance", type=float, default=0.0, help="greatest difference allowed, as a share of the field's span"
+        "--tolerance",
+        type=float,
+        default=0.0,
+        help="maximum difference allowed, as a share of the field's span [default: %(default)s]",
     )
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     arguments = parser.parse_args()
@@ -113,7 +133,7 @@ def main() -> None:
     else:
         cells = ((r.stream, r.field, r.unit, f"{r.rows[0]} / {r.rows[1]}", r.rms, r.greatest, r.share) for r in rows)
         print_table(
-            f"{arguments.second} less {arguments.first}", ("stream", "field", "unit", "rows", "rms", "greatest", "share"), cells
+            f"{arguments.second} less {arguments.first}", ("stream", "field", "unit", "rows", "rms", "max", "share"), cells
         )
         for name in alone:
             print(f"only in one: {name}")

@@ -20,13 +20,16 @@ from haptics.recording.output import make_folder, replacing
 
 
 def export(recording: Recording, folder: Path) -> list[Path]:
-    """Write each stream into ``folder``; returns the files.
+    """Write each stream into a folder.
 
+    :param recording: what to export.
+    :param folder: new or empty; made if need be.
+    :return: the files, one for each stream.
     :raises InputError: the folder exists and is not empty.
     """
     make_folder(folder)
     if any(folder.iterdir()):
-        raise InputError(f"{folder} is not empty; allowed: a new or empty folder")
+        raise InputError(f"{folder} is not empty; expected a new or empty folder")
     written = []
     for name, spec in recording.streams.items():
         rows = recording.stream(name)

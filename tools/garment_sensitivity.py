@@ -1,6 +1,6 @@
 """How much a garment depends on the numbers that nobody measured: ``python tools/garment_sensitivity.py``.
 
-Changes one number at a time and tells the strain energy of the fully reinforced garment at the end of the motion, and how much
+Changes one number at a time and reports the strain energy of the fully reinforced garment at the end of the motion, and how much
 more than it a design stores for its area (thesis 5.6). At level `coarse` the whole table takes about a minute.
 """
 
@@ -40,7 +40,15 @@ CHANGES = (*INTERFACES, "lame", "bulge", "level")
 class Setting:
     """All that a row depends on.
 
-    :param coverage: of the design; None makes none.
+    :param garment: one of ``GARMENTS``.
+    :param motion: one of ``MOTIONS``.
+    :param angle_deg: how far, degrees from straight; None takes the motion's default.
+    :param body: one of ``BODIES``.
+    :param level: one of ``LEVELS``.
+    :param coverage: of the design, 0.01 to 1; None makes none.
+    :param interface: what holds the garment to the body.
+    :param lame: see ``Material.lame_n_m``.
+    :param flesh: how far muscles bulge.
     """
 
     garment: str = "sleeve"
@@ -58,9 +66,11 @@ class Setting:
 class Row:
     """What one change does.
 
+    :param changed: what was changed, one of ``CHANGES``, or `nothing`.
     :param value: the number in SI units, or the name, that was put in place of the default.
-    :param energy_j: strain energy of the fully reinforced garment; None where it has no equilibrium.
-    :param density_increase: of the design; None where none was asked for or found.
+    :param vertices: of the garment.
+    :param energy_j: strain energy of the fully reinforced garment, J; None where it has no equilibrium.
+    :param density_increase: of the design, no unit; None where none was asked for or found.
     """
 
     changed: str
@@ -71,7 +81,12 @@ class Row:
 
 
 def changes(setting: Setting, names: Sequence[str]) -> Iterator[tuple[str, float | str, Setting]]:
-    """The setting as it is, then with one number changed: the number's name, its value, the setting."""
+    """The setting as it is, then with one number changed.
+
+    :param setting: what is changed.
+    :param names: of ``CHANGES``.
+    :return: yields the number's name, its value, the setting.
+    """
     yield "nothing", "", setting
     for name in names:
         if name in INTERFACES:
@@ -90,6 +105,10 @@ def changes(setting: Setting, names: Sequence[str]) -> Iterator[tuple[str, float
 def row(changed: str, value: float | str, setting: Setting) -> Row:
     """Wear the fully reinforced garment, and design.
 
+    :param changed: see ``Row``.
+    :param value: see ``Row``.
+    :param setting: what is worn, and how.
+    :return: energy and density; None, with a message on stderr, where there is no equilibrium.
     :raises InputError: a body that is not installed, a garment that cannot be cut.
     """
     body = BODIES[setting.body](flesh=setting.flesh)
@@ -113,14 +132,14 @@ def row(changed: str, value: float | str, setting: Setting) -> Row:
 def main() -> None:
     """Run from the command line."""
     parser = argparse.ArgumentParser(description="What a garment's energy and its design's density owe to assumed numbers.")
-    parser.add_argument("--garment", default="sleeve", help=", ".join(GARMENTS))
-    parser.add_argument("--motion", default="elbow_flexion", help=", ".join(MOTIONS))
-    parser.add_argument("--angle-deg", type=float, help="of the motion, from straight [default: the motion's]")
-    parser.add_argument("--body", default="capsule", help="capsule, or anny (extra `body`)")
-    parser.add_argument("--level", default="coarse", help=", ".join(LEVELS))
-    parser.add_argument("--coverage", type=float, default=0.15, help="of the design, 0.01 to 1")
+    parser.add_argument("--garment", default="sleeve", help=f"{', '.join(GARMENTS)} [default: %(default)s]")
+    parser.add_argument("--motion", default="elbow_flexion", help=f"{', '.join(MOTIONS)} [default: %(default)s]")
+    parser.add_argument("--angle-deg", type=float, help="of the motion, degrees from straight [default: the motion's]")
+    parser.add_argument("--body", default="capsule", help="capsule, or anny (extra `body`) [default: %(default)s]")
+    parser.add_argument("--level", default="coarse", help=f"{', '.join(LEVELS)} [default: %(default)s]")
+    parser.add_argument("--coverage", type=float, default=0.15, help="of the design, 0.01 to 1 [default: %(default)s]")
     parser.add_argument("--no-design", action="store_true", help="energies only")
-    parser.add_argument("--only", default=",".join(CHANGES), help="what to change, with commas between")
+    parser.add_argument("--only", default=",".join(CHANGES), help="what to change, separated by commas [default: %(default)s]")
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     arguments = parser.parse_args()
     try:

@@ -21,6 +21,10 @@ ROUNDS = 40
 
 
 def polygonised() -> tuple[Floats, Ints]:
+    """The mannequin's zero level by marching cubes.
+
+    :return: vertices, m, ``(n, 3)``; triangles, ``(n, 3)``.
+    """
     low, high = np.array([-0.75, -0.26, -0.05]), np.array([0.75, 0.22, 1.85])
     counts = np.ceil((high - low) / GRID_M).astype(int)
     axes = [low[i] + GRID_M * np.arange(counts[i]) for i in range(3)]
@@ -33,6 +37,11 @@ def polygonised() -> tuple[Floats, Ints]:
 
 
 def coarsened(vertices: Floats, triangles: Ints) -> tuple[Floats, Ints]:
+    """Short edges collapsed until edges are about ``EDGE_M`` long.
+
+    :param vertices, triangles: the mesh, m.
+    :return: the coarser mesh, m.
+    """
     area = SurfaceMesh(vertices, triangles).areas_m2.sum()
     target = int(area / (np.sqrt(3) / 4 * EDGE_M**2))
     fewer, corners, *_ = igl.decimate(np.asfortranarray(vertices), np.asfortranarray(triangles.astype(np.int32)), target)
@@ -40,7 +49,11 @@ def coarsened(vertices: Floats, triangles: Ints) -> tuple[Floats, Ints]:
 
 
 def flipped_to_delaunay(vertices: Floats, triangles: Ints) -> Ints:
-    """Flips each edge whose opposite angles sum to more than a half turn, once round."""
+    """Flips each edge whose opposite angles sum to more than a half turn, once round.
+
+    :param vertices, triangles: the mesh, m.
+    :return: the triangles after it.
+    """
     corners = [tuple(int(i) for i in triangle) for triangle in triangles]
     of_edge = {(t[i], t[(i + 1) % 3]): n for n, t in enumerate(corners) for i in range(3)}
     for a, b in sorted(edge for edge in of_edge if edge[0] < edge[1]):
@@ -68,7 +81,11 @@ def _angle(apex: Floats, a: Floats, b: Floats) -> float:
 
 
 def smoothed(vertices: Floats, triangles: Ints) -> Floats:
-    """Each vertex half way towards the mean of its neighbours, in the tangent plane."""
+    """Each vertex half way towards the mean of its neighbours, in the tangent plane.
+
+    :param vertices, triangles: the mesh, m.
+    :return: the vertices after it, m.
+    """
     edges = SurfaceMesh(vertices, triangles).edges
     total, count = np.zeros_like(vertices), np.bincount(edges.ravel(), minlength=len(vertices))
     np.add.at(total, edges[:, 0], vertices[edges[:, 1]])
@@ -80,6 +97,11 @@ def smoothed(vertices: Floats, triangles: Ints) -> Floats:
 
 
 def projected(vertices: Floats) -> Floats:
+    """Vertices moved along the gradient onto the mannequin's zero level.
+
+    :param vertices: m, ``(n, 3)``.
+    :return: m, ``(n, 3)``.
+    """
     for _ in range(4):
         slope = mannequin.gradient(vertices)
         vertices = vertices - mannequin.distance_m(vertices)[:, None] * slope / np.sum(slope * slope, axis=1, keepdims=True)
@@ -87,6 +109,7 @@ def projected(vertices: Floats) -> Floats:
 
 
 def main() -> None:
+    """Make the mesh and write it where the package ships it."""
     vertices, triangles = coarsened(*polygonised())
     for _ in range(ROUNDS):
         triangles = flipped_to_delaunay(vertices, triangles)

@@ -1,4 +1,4 @@
-"""Sweep volts and frequency on one brake output and write what the board says: ``python tools/sweep_volts.py OUT.csv``.
+"""Sweep volts and frequency on one brake output and write what the board reports: ``python tools/sweep_volts.py OUT.csv``.
 
 One row for each setting: volts reached, capacitance, leakage and supply current by the board's own telemetry, each the mean over
 the time held, and whether the board took the command. Nothing is pulled; for forces there is ``haptics characterize pull``.
@@ -36,8 +36,13 @@ _SETTLE_S = 0.2
 def sweep(
     bench: Bench, volts: Sequence[float], frequencies_hz: Sequence[float], hold_s: float
 ) -> Iterator[tuple[float | str, ...]]:
-    """A row for each pair; the output is released in between.
+    """A row for each pair of volts and frequency; the output is released in between.
 
+    :param bench: a bench with a brake controller, armed.
+    :param volts: amplitudes, V, 0 to 1500.
+    :param frequencies_hz: Hz, 0.5 to 1000.
+    :param hold_s: how long each pair is held after it settled, s.
+    :return: yields the columns of ``HEAD``.
     :raises HapticsError: the board faults, or the link is lost.
     """
     channel = bench.options.channel
@@ -68,15 +73,19 @@ def sweep(
 
 def main() -> None:
     """Run from the command line."""
-    parser = argparse.ArgumentParser(description="Sweep volts on a brake output.")
+    parser = argparse.ArgumentParser(
+        description="Sweep volts and frequency on a brake output and write what the board reports as CSV."
+    )
     parser.add_argument("out", type=Path, help="CSV file to write")
     parser.add_argument("--port", help="port URL of the brake controller [default: the configuration's]")
-    parser.add_argument("--config", type=Path, help="glove.toml")
-    parser.add_argument("--channel", type=int, default=0, help="output")
-    parser.add_argument("--volts", default="250,500,750,1000,1250,1500", help="amplitudes, V, with commas between")
-    parser.add_argument("--frequencies", default="10,20", help="frequencies, Hz, with commas between")
-    parser.add_argument("--hold-s", type=float, default=1.0, help="how long each is held, s")
-    parser.add_argument("--seed", type=int, default=1, help="seed of a simulated board")
+    parser.add_argument("--config", type=Path, help="configuration file (glove.toml) [default: the simulated glove]")
+    parser.add_argument("--channel", type=int, default=0, help="output of the board, from 0 [default: %(default)s]")
+    parser.add_argument(
+        "--volts", default="250,500,750,1000,1250,1500", help="amplitudes, V, separated by commas [default: %(default)s]"
+    )
+    parser.add_argument("--frequencies", default="10,20", help="frequencies, Hz, separated by commas [default: %(default)s]")
+    parser.add_argument("--hold-s", type=float, default=1.0, help="how long each setting is held, s [default: %(default)s]")
+    parser.add_argument("--seed", type=int, default=1, help="seed of a simulated board [default: %(default)s]")
     parser.add_argument("--force", action="store_true", help="overwrite a file that exists")
     arguments = parser.parse_args()
     try:
@@ -105,7 +114,9 @@ def _numbers(name: str, text: str) -> list[float]:
     try:
         return [float(one) for one in text.split(",")]
     except ValueError as error:
-        raise InputError(f"{name} = {text!r} is not allowed; allowed: numbers with commas between") from error
+        raise InputError(
+            f"{name} = {text!r} is not a list; expected numbers separated by commas [default: %(default)s]"
+        ) from error
 
 
 if __name__ == "__main__":

@@ -25,7 +25,11 @@ _SHAPES = {"capsule": "analytic mannequin", "anny": "a person's shape (MakeHuman
 
 
 def catalogue() -> dict[str, Any]:
-    """All of it as plain data."""
+    """All of it as plain data.
+
+    :return: JSON-ready lists under ``bodies``, ``garments``, ``motions``, ``levels``, ``materials`` and ``solvers``; units are in
+        the keys.
+    """
     here = installed_solvers()
     return {
         "bodies": [_body(name) for name in BODIES],

@@ -29,10 +29,14 @@ Say = Callable[[str], None]
 class DesignReport:
     """What came of a job.
 
-    :param sequence: the designs; those made until a step found no equilibrium, where ``stopped`` says so.
+    :param job: what was asked for.
+    :param worn: the garment on its body.
+    :param sequence: the designs; those made until a step found no equilibrium, if ``stopped`` is set.
     :param drawn: the hand-drawn baselines by shape; None where none of their places has an equilibrium.
-    :param notes: what is missing without being wrong.
-    :param seconds: time of each step made in this run; empty where the sequence was complete before.
+    :param seconds: duration of each step made in this run, s; empty where the sequence was complete before.
+    :param stopped: why the evolution stopped too early; None where it did not.
+    :param notes: what is missing without being wrong, for people.
+    :param files: what was written.
     """
 
     job: DesignJob
@@ -56,7 +60,10 @@ class DesignReport:
 
     def to_json(self) -> dict[str, Any]:
         """Plain data. ``density_increase`` and the baselines' ``density`` are the same ratio: energy by area of the reinforced
-        part over that of the fully reinforced garment."""
+        part over that of the fully reinforced garment.
+
+        :return: what ``design.json`` holds; units are in the keys.
+        """
         final, job = self.sequence.final, self.job
         steps = len(self.sequence.steps)
         return {
@@ -104,11 +111,14 @@ def run_design(
     The design store is written after each step: a run that was broken off is continued by ``resume``. Pictures are left out where
     matplotlib is not installed.
 
+    :param job: what to design.
     :param out: the folder, made if need be.
     :param resume: go on with the store that is there, and renew the other files; begin where there is none.
     :param force: begin anew over files that exist.
-    :param progress: told each completed step. :param say: told what is done besides.
-    :param warn: called, before anything takes long, with what will.
+    :param progress: called after each completed step with its number from 0 and the step; None: nobody is.
+    :param say: called with what is being done besides, for people; None: nobody is.
+    :param warn: called, before anything takes long, with what will; None: nobody is.
+    :return: the designs and the files written.
     :raises InputError: files that exist, settings other than those of the store that is resumed, or as ``put_on``.
     :raises LimitError: the fully reinforced garment has no equilibrium, so that there is nothing to begin with.
     """

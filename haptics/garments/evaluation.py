@@ -22,10 +22,15 @@ ANGLES = 18
 
 @dataclass(frozen=True, eq=False)
 class Rated:
-    """A design at the end of a motion and on the way there.
+    """A design at the end of a motion and at the angles before.
 
-    :param place: where a drawn design lies, in words.
-    :param density, density_eq65: energy by reinforced area over that of the fully reinforced garment, as in ``DesignStep``.
+    :param name: what a person calls it: step, shape or file.
+    :param design: reinforced triangles, ``(triangles,)``.
+    :param coverage: reinforced over designable area, 0 to 1.
+    :param density: energy by reinforced area over that of the fully reinforced garment, as in ``DesignStep``.
+    :param density_eq65: the same of the whole garment's energy (eq. 6.5).
+    :param motion: energy and torque by angle.
+    :param place: where a drawn design lies, for people; empty for others.
     """
 
     name: str
@@ -37,7 +42,10 @@ class Rated:
     place: str = ""
 
     def to_json(self) -> dict[str, Any]:
-        """Plain data."""
+        """Plain data.
+
+        :return: JSON-ready; units are in the keys.
+        """
         return {
             "name": self.name,
             "place": self.place,
@@ -57,8 +65,11 @@ class Rated:
 class Evaluation:
     """A design, and what it was compared with.
 
-    :param settings: garment, motion, angle, body, level.
-    :param notes: what was mended of meshes, and what they cost.
+    :param settings: garment, motion, angle, body, level; plain data.
+    :param worn: the garment on its body.
+    :param rated: the design.
+    :param against: what it was compared with; None where with nothing.
+    :param notes: what was mended of meshes, and what they cost, for people.
     """
 
     settings: Mapping[str, Any]
@@ -73,7 +84,10 @@ class Evaluation:
         return self.rated.motion.converged and (self.against is None or self.against.motion.converged)
 
     def to_json(self) -> dict[str, Any]:
-        """Plain data."""
+        """Plain data.
+
+        :return: JSON-ready; units are in the keys.
+        """
         against = None if self.against is None else self.against.to_json()
         return {**self.settings, **self.rated.to_json(), "against": against, "notes": list(self.notes)}
 
@@ -94,13 +108,17 @@ def evaluate_design(
     """Rate a design over a motion.
 
     :param path: a design sequence (file or folder), or a mask as ``masks.read_mask`` takes it.
-    :param job: what a mask is worn on and in; None with a design sequence, which knows.
-    :param motion, angle_deg: another motion or angle than the sequence's.
+    :param job: what a mask is worn on and in; None with a design sequence, which holds its own.
+    :param motion: another motion than the sequence's; None takes that.
+    :param angle_deg: how far, degrees from straight; None takes the sequence's angle, or the other motion's default.
     :param against: ``line``, ``x`` or a mask, drawn with the same area.
     :param steps: parts of the motion, 1 to 1000.
-    :param step, coverage: which design of the sequence, the one asked for if None; for a mask, ``coverage`` grows or trims it.
-    :param units, up: of the masks that are meshes, as ``read_mesh`` takes them; the garment's are the job's, or the sequence's.
-    :param warn: called, before anything takes long, with what will.
+    :param step: step of the sequence, from 0; None: see ``coverage``.
+    :param coverage: chooses a design of the sequence, the one asked for if None; a mask is grown or trimmed to it.
+    :param units: of masks that are meshes, as ``read_mesh`` takes them; the garment's own are the job's, or the sequence's.
+    :param up: of masks that are meshes, as ``read_mesh`` takes it.
+    :param warn: called, before anything takes long, with what will; None: nobody is.
+    :return: the design's density and curves, and the other's beside it.
     :raises InputError: a file, name or number that is not allowed.
     :raises LimitError: no equilibrium at the end of the motion, so that nothing can be rated.
     """
@@ -110,9 +128,9 @@ def evaluate_design(
     if path.suffix.lower() in MASKS:
         _is_mask(path, "a mask")
         if job is None:
-            raise InputError(f"{path} is a mask: it does not say what is worn; allowed: with a garment and a motion")
+            raise InputError(f"{path} is a mask, which records no garment and no motion; pass --garment and --motion with it")
         if step is not None:
-            raise InputError(f"step = {step}: {path} is a mask, one design; allowed: a step of a sequence only")
+            raise InputError(f"step = {step}: {path} is a mask, a single design; pass --step only with a design sequence")
         worn = put_on(job)
         notes = list(worn.garment.notes)
         design, name = _mask(worn, path, coverage, units, up, notes), path.name
@@ -120,9 +138,7 @@ def evaluate_design(
         settings["level"] = job.level
     else:
         if job is not None:
-            raise InputError(
-                f"{path} is no mask, so that it says itself what is worn; allowed: garment and body with a mask only"
-            )
+            raise InputError(f"{path} already records its garment and body; pass --garment/--body only with a mask")
         kept = open_designs(path, motion, angle_deg)
         notes = list(kept.worn.garment.notes)
         number, chosen = kept.step(step, coverage)
@@ -165,9 +181,9 @@ def _opponent(
     return _rated(worn, path.name, _mask(worn, path, coverage, units, up, notes), steps)
 
 
-def _is_mask(path: Path, allowed: str) -> None:
+def _is_mask(path: Path, expected: str) -> None:
     if path.suffix.lower() not in MASKS or not path.is_file():
-        raise InputError(f"{path}: no such design; allowed: {allowed}, a file that ends in {', '.join(MASKS)}")
+        raise InputError(f"{path}: no such design; expected {expected}, a file that ends in {', '.join(MASKS)}")
 
 
 def _mask(worn: WornMotion, path: Path, coverage: float | None, units: str | None, up: str | None, notes: list[str]) -> Bools:

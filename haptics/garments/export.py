@@ -19,7 +19,14 @@ from haptics.units import one_of
 
 @dataclass(frozen=True, eq=False)
 class Export:
-    """A pattern and the files written."""
+    """A pattern and the files written.
+
+    :param step: number of the design in its sequence.
+    :param coverage: reinforced over designable area, 0 to 1.
+    :param pattern: what was cut.
+    :param files: what was written.
+    :param notes: what was mended of the garment's mesh, for people.
+    """
 
     step: int
     coverage: float
@@ -28,7 +35,10 @@ class Export:
     notes: tuple[str, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
-        """Plain data: pieces with their areas and distortion, seams with their lengths."""
+        """Plain data: pieces with their areas and distortion, seams with their lengths.
+
+        :return: JSON-ready; units are in the keys.
+        """
         pattern = self.pattern
         return {
             "step": self.step,
@@ -66,14 +76,17 @@ def export_body(
 ) -> dict[str, Any]:
     """Write a body's skin as OBJ, in metres, z up, facing -y: what a garment can be drawn around.
 
+    :param body: the body.
+    :param path: an .obj file.
     :param motion: put it at this angle of a motion; None: straight, as a garment's mesh is laid on.
-    :param angle_deg: of the motion; None: its default.
+    :param angle_deg: of the motion, degrees from straight; None: its default.
+    :param force: overwrite a file that exists.
     :return: what was written, as plain data.
     :raises InputError: another suffix, a file that exists and is not forced, no such folder, an unknown motion, an angle that it
         does not reach or that has no motion.
     """
     if motion is None and angle_deg is not None:
-        raise InputError(f"angle_deg = {angle_deg:g} has no motion; allowed: with a motion")
+        raise InputError(f"angle_deg = {angle_deg:g} without a motion; pass --motion too")
     pose, posture, notes = STRAIGHT, "straight", []
     if motion is not None:
         chosen = MOTIONS[one_of("motion", motion, tuple(MOTIONS))]
@@ -100,8 +113,14 @@ def export_design(
 
     OBJ: the garment at rest, where it is not stretched. PLY: in equilibrium at the end of the motion, with its energy.
 
-    :param out: folder, made if need be. :param step, coverage: which design; the one asked for if None.
-    :raises InputError: files that exist, no such step, or as ``make_pattern`` and ``write_pattern``.
+    :param kept: the sequence on its body.
+    :param out: folder, made if need be.
+    :param step: step of the sequence, from 0; None: see ``coverage``.
+    :param coverage: chooses a design, the one asked for if None.
+    :param options: of the pattern; None takes the defaults.
+    :param force: overwrite files that exist.
+    :return: the pattern and the files written.
+    :raises InputError: files that exist, no such step, or as in ``make_pattern`` and ``write_pattern``.
     :raises Unconverged: the design has no equilibrium any more.
     """
     number, chosen = kept.step(step, coverage)

@@ -37,18 +37,20 @@ KNEE_REACH_M = 0.18
 SHORT_SLEEVE, SHORTS_LEG = 0.5, 0.85
 """Where the shirt's sleeves and the legs of the shorts end, along the upper arm and the upper leg. Assumed."""
 _FEWEST, _MAX = 0.83, 1.1
-"""Of a level's vertices: a mesh with fewer is subdivided, one with more is made coarser."""
+"""Shares of a level's vertices: a mesh with fewer is subdivided, one with more is made coarser."""
 
 
 @dataclass(frozen=True, eq=False)
 class Garment:
     """A garment's mesh, tied to a body's vertices.
 
+    :param name: one of ``GARMENTS``, or the mesh's name.
+    :param level: one of ``LEVELS``, or ``OWN``.
     :param triangles: ``(triangles, 3)``, anticlockwise seen from outside.
-    :param weights: ``(vertices, body vertices)``, rows sum to 1.
-    :param attached: triangles that elastics or straps hold to the body (thesis 5.4.3): a band at each opening.
-    :param designable: triangles that may be reinforced. All: reinforcement may end in a band.
-    :param notes: what was mended of a mesh that it comes from.
+    :param weights: each vertex as a mixture of the body's, rows sum to 1, ``(vertices, body vertices)``.
+    :param attached: triangles that elastics or straps hold to the body (thesis 5.4.3), ``(triangles,)``: a band at each opening.
+    :param designable: triangles that may be reinforced, ``(triangles,)``. All: reinforcement may end in a band.
+    :param notes: what was mended of a mesh that it comes from, for people.
     """
 
     name: str
@@ -60,13 +62,19 @@ class Garment:
     notes: tuple[str, ...] = ()
 
     def on(self, body_vertices_m: Floats) -> Floats:
-        """Where the garment's vertices lie on the body in a pose, ``(vertices, 3)``."""
+        """The garment's vertices on the body in a pose.
+
+        :param body_vertices_m: the body's vertices, m, ``(body vertices, 3)``.
+        :return: positions, m, ``(vertices, 3)``.
+        """
         return np.asarray(self.weights @ body_vertices_m)
 
 
 def mesh_of(garment: str) -> Path | None:
     """The file, where ``garment`` is one of a mesh rather than one of ``GARMENTS``.
 
+    :param garment: a name or a file's name.
+    :return: the file; None where ``garment`` is one of ``GARMENTS``.
     :raises InputError: it is neither a name nor a file that exists.
     """
     if garment in GARMENTS:
@@ -81,15 +89,21 @@ def mesh_of(garment: str) -> Path | None:
     except OSError:  # a name that no file can have
         there = False
     if not there:
-        raise InputError(f"garment = {garment!r} is not a file; allowed: a mesh that exists, or {', '.join(GARMENTS)}")
+        raise InputError(
+            f"garment = {garment!r} is not a file; expected a mesh file that exists, or one of {', '.join(GARMENTS)}"
+        )
     return path
 
 
 def open_garment(body: Body, name: str, level: str, units: str | None = None, up: str | None = None) -> Garment:
     """A garment by name, as ``cut_garment``, or from a mesh file around the straight body, as ``garment_from_mesh``.
 
+    :param body: the body, whose straight pose a mesh is laid onto.
+    :param name: one of ``GARMENTS``, or the file of a mesh.
     :param level: one of ``LEVELS``; ``OWN`` for a mesh.
-    :param units, up: of a mesh, as ``read_mesh`` takes them.
+    :param units: of a mesh, as ``read_mesh`` takes them; None: metres.
+    :param up: of a mesh, as ``read_mesh`` takes it; None: z.
+    :return: the garment.
     :raises InputError: a name, a file or a level that is not allowed.
     """
     path = mesh_of(name)
@@ -104,18 +118,26 @@ def open_garment(body: Body, name: str, level: str, units: str | None = None, up
 
 
 def refuse_frame(garment: str, units: str | None, up: str | None) -> None:
-    """:raises InputError: units or an axis of something that is no mesh."""
+    """Refuse units and an axis for a garment that is not a mesh.
+
+    :param garment: what was given as the garment.
+    :param units: units given for it, or None.
+    :param up: axis given for it, or None.
+    :raises InputError: either is not None.
+    """
     if units is not None or up is not None:
-        raise InputError(f"units = {units!r}, up = {up!r}: {garment!r} is no mesh; allowed: with a mesh file only")
+        raise InputError(f"units = {units!r}, up = {up!r}: {garment!r} is no mesh file; pass --units and --up only with one")
 
 
 def cut_garment(body: Body, name: str, level: str = "draft") -> Garment:
     """A garment cut out of the straight body's skin.
 
+    :param body: the body, straight.
     :param name: one of ``GARMENTS``. sleeve: the left arm from shoulder to wrist; knee_sleeve: 18 cm up and down from the left
         knee; shirt: trunk and half of the upper arms; long_shirt: trunk and arms to the wrists; shorts: pelvis and legs to above
         the knees.
     :param level: one of ``LEVELS``.
+    :return: the garment, tied to the body's vertices.
     :raises InputError: an unknown name, or a body out of which no such garment can be cut.
     """
     one_of("garment", name, GARMENTS)
@@ -123,7 +145,7 @@ def cut_garment(body: Body, name: str, level: str = "draft") -> Garment:
     weights, triangles = cut_out(body.straight_m, body.triangles, _covered(body, name))
     found = openings(triangles)
     if found != OPENINGS[name]:
-        raise InputError(f"{name} cut out of body {body.name} has {found} openings; allowed: {OPENINGS[name]}")
+        raise InputError(f"{name} cut out of body {body.name} has {found} openings; expected {OPENINGS[name]}")
     while weights.shape[0] < LEVELS[level] * _FEWEST:
         finer, triangles = loop(triangles, weights.shape[0])
         weights = finer @ weights
@@ -137,9 +159,13 @@ def cut_garment(body: Body, name: str, level: str = "draft") -> Garment:
 def garment_from_mesh(body: Body, mesh: SurfaceMesh, attached: Bools | None = None, farthest_m: float = 0.03) -> Garment:
     """A garment drawn elsewhere around the straight body, tied to the nearest points of its skin.
 
+    :param body: the body, straight.
+    :param mesh: one sheet of cloth with openings, m, z up.
     :param attached: the triangles held to the body, ``(triangles,)``; None: a band at each opening.
-    :raises InputError: a faulty mesh, more than one piece, a vertex farther than ``farthest_m`` from the skin (the message says
-        where), triangles that face the body, no opening and no attachment given, or an attachment of another size.
+    :param farthest_m: largest distance of a vertex from the skin, m.
+    :return: the garment at level ``OWN``.
+    :raises InputError: a faulty mesh, more than one piece, a vertex farther than ``farthest_m`` from the skin (the message names
+        it), triangles that face the body, no opening and no attachment given, or an attachment of another size.
     """
     checked = checked_mesh(mesh.vertices_m, mesh.triangles, mesh.name)
     weights, distance = anchored(checked.vertices_m, body.straight_m, body.triangles)
@@ -148,16 +174,16 @@ def garment_from_mesh(body: Body, mesh: SurfaceMesh, attached: Bools | None = No
         place = "({:.3f}, {:.3f}, {:.3f}) m".format(*checked.vertices_m[far])
         raise InputError(
             f"{mesh.name}: vertex {far} at {place} is {distance[far]:.3f} m from body {body.name}; "
-            f"allowed: at most {farthest_m:g} m, drawn around what `haptics garment bodies --export body.obj` writes"
+            f"allowed: at most {farthest_m:g} m; draw around what `haptics garment bodies --export body.obj` writes"
         )
     if attached is None and not len(checked.boundary_edges):
         raise InputError(
             f"{mesh.name}: it has no opening to be attached at; "
-            "allowed: one sheet with a boundary, not a solid, or a given attachment"
+            "expected one sheet with a boundary, not a solid (or pass attached)"
         )
     held = _bands(checked) if attached is None else np.asarray(attached, dtype=bool)
     if held.shape != (len(checked.triangles),):
-        raise InputError(f"{mesh.name}: attached has shape {held.shape}; allowed: ({len(checked.triangles)},)")
+        raise InputError(f"{mesh.name}: attached has shape {held.shape}; expected ({len(checked.triangles)},)")
     on_skin = checked_mesh(weights @ body.straight_m, checked.triangles, f"{mesh.name} laid onto body {body.name}")
     _refuse_pieces(checked)
     _refuse_inside_out(checked, on_skin, weights @ SurfaceMesh(body.straight_m, body.triangles).vertex_normals)
@@ -171,7 +197,7 @@ def _refuse_pieces(mesh: SurfaceMesh) -> None:
         place = "({:.3f}, {:.3f}, {:.3f}) m".format(*mesh.vertices_m[other])
         raise InputError(
             f"{mesh.name}: vertex {other} at {place} is not joined to the rest; "
-            "allowed: one piece in one layer, with the cloth between too"
+            "expected one piece in one layer, with the cloth between its parts"
         )
 
 
@@ -183,7 +209,7 @@ def _refuse_inside_out(mesh: SurfaceMesh, on_skin: SurfaceMesh, outward: Floats)
         place = "({:.3f}, {:.3f}, {:.3f}) m".format(*mesh.centres_m[first])
         raise InputError(
             f"{mesh.name}: it is inside out, triangle {first} at {place} faces the body; "
-            "allowed: all triangles anticlockwise seen from outside"
+            "expected all triangles anticlockwise seen from outside"
         )
 
 
@@ -221,7 +247,7 @@ def _covered(body: Body, name: str) -> Floats:
 
 
 def _shortened(covered: Floats, body: Body, part: str, joint: str, end: str, share: float) -> Floats:
-    """The same without what lies beyond a share of the way between two joints."""
+    """The same without what lies beyond a share of the distance between two joints."""
     for side in "lr":
         start, bone = body.joints_m[f"{joint}_{side}"], body.joints_m[f"{end}_{side}"] - body.joints_m[f"{joint}_{side}"]
         beyond = (body.straight_m - start) @ bone / (bone @ bone) - share

@@ -25,6 +25,8 @@ class Material(Parameters):
 
         mu = E / (2 (1 + nu)); lambda = E nu / (1 - nu^2) in plane stress, E nu / ((1 + nu) (1 - 2 nu)) as ``thesis``.
 
+        :param lame: `plane` or `thesis`.
+        :return: lambda and mu times the thickness, N/m.
         :raises InputError: a name that is neither.
         """
         one_of("lame", lame, ("plane", "thesis"))

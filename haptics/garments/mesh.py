@@ -21,13 +21,18 @@ Bools = NDArray[np.bool_]
 
 SMALLEST_AREA_M2 = 1e-12
 """A triangle below this is degenerate: 1 um on a side."""
-WORN = Kind("a garment or a body", 0.01, 2.5, 0.6, "say --units {unit}, or units = '{unit}' in Python")
+WORN = Kind("a garment or a body", 0.01, 2.5, 0.6, "pass --units {unit}, or units = '{unit}' in Python")
 """A garment or a body of another size was not given in metres."""
 
 
 @dataclass(frozen=True, eq=False)
 class SurfaceMesh:
-    """A triangle mesh. Made by ``checked_mesh`` where the data come from outside."""
+    """A triangle mesh. Made by ``checked_mesh`` where the data come from outside.
+
+    :param vertices_m: positions, m, ``(vertices, 3)``.
+    :param triangles: vertex numbers, anticlockwise seen from outside, ``(triangles, 3)``.
+    :param name: what messages call it.
+    """
 
     vertices_m: Floats
     triangles: Ints
@@ -76,7 +81,12 @@ class SurfaceMesh:
         return self.vertices_m[self.triangles].mean(axis=1)
 
     def at(self, vertices_m: Floats, name: str | None = None) -> SurfaceMesh:
-        """The same triangles with other vertex positions; the edges, which do not change, are not looked for again."""
+        """The same triangles with other vertex positions; the edges, which do not change, are not looked for again.
+
+        :param vertices_m: positions, m, ``(vertices, 3)``.
+        :param name: what messages call it; None keeps the name.
+        :return: the moved mesh.
+        """
         moved = SurfaceMesh(vertices_m, self.triangles, name or self.name)
         vars(moved)["edges"] = self.edges
         return moved
@@ -85,8 +95,11 @@ class SurfaceMesh:
 def checked_mesh(vertices_m: Floats, triangles: Ints, name: str, closed: bool = False) -> SurfaceMesh:
     """A mesh whose every fault has been looked for.
 
-    :param name: how messages call it, a file's name for one.
+    :param vertices_m: positions, m, ``(n, 3)`` with n at least 3.
+    :param triangles: vertex numbers, whole numbers, ``(n, 3)`` with n at least 1.
+    :param name: how messages call it, for example a file's name.
     :param closed: it must bound a volume (a body), with its normals outward.
+    :return: the mesh, as float64 and int64.
     :raises InputError: not finite; not in metres; vertex numbers out of range; zero area; an edge of more than two triangles;
         two neighbours turned against each other; a vertex where sheets touch in a point; open or inside out where ``closed``. The
         message names the first such place.
@@ -94,11 +107,11 @@ def checked_mesh(vertices_m: Floats, triangles: Ints, name: str, closed: bool = 
     vertices = np.ascontiguousarray(vertices_m, dtype=np.float64)
     corners = np.asarray(triangles)
     if vertices.ndim != 2 or vertices.shape[1] != 3 or len(vertices) < 3:
-        raise InputError(f"{name}: vertices have shape {vertices.shape}; allowed: (n, 3) with n at least 3")
+        raise InputError(f"{name}: vertices have shape {vertices.shape}; expected (n, 3) with n at least 3")
     if corners.ndim != 2 or corners.shape[1] != 3 or len(corners) < 1:
-        raise InputError(f"{name}: triangles have shape {corners.shape}; allowed: (n, 3) with n at least 1")
+        raise InputError(f"{name}: triangles have shape {corners.shape}; expected (n, 3) with n at least 1")
     if not np.issubdtype(corners.dtype, np.integer):
-        raise InputError(f"{name}: triangles are {corners.dtype}; allowed: whole numbers")
+        raise InputError(f"{name}: triangles are {corners.dtype}; expected whole numbers")
     mesh = SurfaceMesh(vertices, np.ascontiguousarray(corners, dtype=np.int64), name)
     _finite_and_in_metres(mesh)
     _corners_exist(mesh)
@@ -120,7 +133,7 @@ def _place(mesh: SurfaceMesh, vertex: int | np.integer) -> str:
 def _finite_and_in_metres(mesh: SurfaceMesh) -> None:
     bad = np.flatnonzero(~np.isfinite(mesh.vertices_m).all(axis=1))
     if len(bad):
-        raise InputError(f"{mesh.name}: vertex {bad[0]} is {mesh.vertices_m[bad[0]].tolist()}; allowed: finite numbers")
+        raise InputError(f"{mesh.name}: vertex {bad[0]} is {mesh.vertices_m[bad[0]].tolist()}; expected finite numbers")
     fault = size_fault(mesh.vertices_m, WORN)
     if fault is not None:
         raise InputError(f"{mesh.name}: {fault}")
@@ -151,12 +164,12 @@ def _manifold(mesh: SurfaceMesh) -> None:
             f"{mesh.name}: edge {a}-{b} at {_place(mesh, a)} belongs to {count.max()} triangles; "
             "allowed: 1 or 2 (the mesh is not manifold there)"
         )
-    ways, twice = np.unique(half, axis=0, return_counts=True)
+    directed, twice = np.unique(half, axis=0, return_counts=True)
     if twice.max() > 1:
-        a, b = ways[np.argmax(twice > 1)]
+        a, b = directed[np.argmax(twice > 1)]
         raise InputError(
             f"{mesh.name}: the two triangles at edge {a}-{b}, {_place(mesh, a)}, are turned against each other (one is flipped); "
-            "allowed: all anticlockwise seen from outside"
+            "expected all anticlockwise seen from outside"
         )
     _single_fans(mesh)
 
@@ -184,22 +197,22 @@ def _single_fans(mesh: SurfaceMesh) -> None:
         pinched = int(vertex[bad[0]])
         raise InputError(
             f"{mesh.name}: vertex {pinched} at {_place(mesh, pinched)} joins sheets that touch in that point only; "
-            "allowed: one fan of triangles"
+            "expected one fan of triangles"
         )
     loose = np.flatnonzero(first < 0)
     if len(loose):
         raise InputError(
-            f"{mesh.name}: vertex {loose[0]} at {_place(mesh, loose[0])} belongs to no triangle; allowed: at least one"
+            f"{mesh.name}: vertex {loose[0]} at {_place(mesh, loose[0])} belongs to no triangle; expected at least one"
         )
 
 
 def _closed(mesh: SurfaceMesh) -> None:
     if len(mesh.boundary_edges):
         a, b = mesh.boundary_edges[0]
-        raise InputError(f"{mesh.name}: it is open at edge {a}-{b}, {_place(mesh, a)}; allowed: a closed surface")
+        raise InputError(f"{mesh.name}: it is open at edge {a}-{b}, {_place(mesh, a)}; expected a closed surface")
     volume = float(np.einsum("ij,ij->", mesh.vertices_m[mesh.triangles[:, 0]], mesh.cross_m2)) / 6
     if volume <= 0:
         raise InputError(
             f"{mesh.name}: its volume is {volume:.3g} m3, it is inside out; "
-            "allowed: all triangles anticlockwise seen from outside"
+            "expected all triangles anticlockwise seen from outside"
         )

@@ -14,13 +14,13 @@ from haptics.recording.output import refuse_existing, replacing
 from haptics.units import one_of
 
 NEAR_M = 0.04
-"""Most of a garment lies so near to points of the body it was drawn around: 3 cm, and half the space between these points."""
+"""Most of a garment lies within this distance of points of its body: 3 cm, and half the space between the points."""
 LOOSE_M = 0.1
-"""So near lies what was drawn around the body but too loosely, with the axis up that was. Assumed."""
+"""The same for a garment that was drawn too loosely, with the right axis up. Assumed."""
 LOWEST_COLOUR, HIGHEST_COLOUR = np.array([68, 1, 84]), np.array([253, 231, 37])
-"""Vertex colours for no energy and for the most: dark violet to yellow, readable in grey and by the colour-blind."""
+"""Vertex colours for no energy and for the maximum: dark violet to yellow, readable in grey and by the colour-blind."""
 BRIGHTEST = 0.98
-"""This quantile of the energy density, and all above, has the highest colour: a few triangles would else take all contrast."""
+"""This quantile of the energy density, and all above, has the highest colour: else a few triangles take all contrast."""
 
 
 def read_mesh(
@@ -33,12 +33,15 @@ def read_mesh(
 ) -> SurfaceMesh:
     """A mesh from an OBJ, PLY or STL file, mended (see ``meshes.cleaned``), in metres and z up.
 
+    :param path: the file.
     :param closed: it must bound a volume.
-    :param units: of the file, one of ``meshes.UNITS``; None: metres. :param up: the file's axis that points up; None: z.
-    :param around_m: points of what it was drawn around, ``(n, 3)``. They say which units and axes it must have been; where
-        ``up`` is given, they also say how it stands about that axis.
-    :param note: called with each mending, in words.
-    :raises InputError: a file that cannot be read, units or axes other than said, or a fault that ``checked_mesh`` finds.
+    :param units: of the file, one of ``meshes.UNITS``; None: metres.
+    :param up: the file's axis that points up, one of ``meshes.AXES``; None: z.
+    :param around_m: points of what it was drawn around, m, ``(n, 3)``, or None. Units and axes are checked against them; where
+        ``up`` is given, they also decide how it stands about that axis.
+    :param note: called with each mending, for people; None: nobody is.
+    :return: the mesh, m, z up.
+    :raises InputError: a file that cannot be read, units or axes that do not fit, or a fault that ``checked_mesh`` finds.
         Messages give the line of an OBJ file, and else the vertex or triangle (from 0).
     """
     path, say = Path(path), note or (lambda what: None)
@@ -60,26 +63,28 @@ def read_mesh(
 
 
 def _quarters(path: Path, points: Floats, units: str | None, up: str | None, around_m: Floats, say: Callable[[str], None]) -> int:
-    """Quarter turns about the vertical; with ``up`` given those that fit, as which way a drawing faces has no key of its own.
+    """Quarter turns about the vertical; with ``up`` given those that fit, since no key gives the direction that a drawing faces.
 
     :raises InputError: other units or axes fit, and these do not.
     """
     unit, axis = units or "m", up or "z"
-    said = best_fit(points, around_m, (unit,), (axis,), (0,))
-    if said.distance_m <= NEAR_M:
+    given = best_fit(points, around_m, (unit,), (axis,), (0,))
+    if given.distance_m <= NEAR_M:
         return 0
     if up is not None:
-        said = best_fit(points, around_m, (unit,), (axis,))
-        if said.distance_m <= NEAR_M:
-            say(f"{path.name}: turned by {90 * said.quarter_turns} degrees about the vertical, to lie on the body")
-            return said.quarter_turns
+        given = best_fit(points, around_m, (unit,), (axis,))
+        if given.distance_m <= NEAR_M:
+            say(f"{path.name}: turned by {90 * given.quarter_turns} degrees about the vertical, to lie on the body")
+            return given.quarter_turns
     across = extent_of(points)
     found = best_fit(points, around_m, [one for one in UNITS if WORN.has(across * UNITS[one])] or [unit])
     straight = best_fit(points, around_m, (found.unit,), (found.up,), (0,))
     found = straight if straight.distance_m <= NEAR_M else found
     if found.distance_m > NEAR_M:  # too loose: units that shrink it would bring it nearer, axes alone would not
         found = best_fit(points, around_m, (unit,))
-    if found.distance_m > LOOSE_M or (found.distance_m > NEAR_M and (found.up == axis or found.distance_m > said.distance_m / 2)):
+    if found.distance_m > LOOSE_M or (
+        found.distance_m > NEAR_M and (found.up == axis or found.distance_m > given.distance_m / 2)
+    ):
         if units is None or up is None:
             say(f"{path.name}: taken to be in {WORDS[unit]}, {axis} up; in no units and axes does most of it lie on the body")
         return 0
@@ -87,19 +92,23 @@ def _quarters(path: Path, points: Floats, units: str | None, up: str | None, aro
     if found.unit != unit:
         seen.append(f"it is {UNITS[unit] * across:.4g} m across; drawn in {WORDS[found.unit]} it lies on the body")
     if found.up != axis:
-        seen.append(f"it looks {found.up} up; this body is z up" + ("" if up is None else f", and {up} was said to be"))
+        seen.append(f"it looks {found.up} up; this body is z up" + ("" if up is None else f", not {up} up"))
     elif found.quarter_turns:
         seen.append("it is turned about the vertical; this body faces -y")
     if found.unit != unit or units is not None:
         cure.append(f"--units {found.unit}")
     if found.up != axis or found.quarter_turns or up is not None:
         cure.append(f"--up {found.up}")
-    raise InputError(f"{path}: {'; '.join(seen)}; allowed: as it was drawn, with {' '.join(cure)}")
+    raise InputError(f"{path}: {'; '.join(seen)}; pass {' '.join(cure)}, as it was drawn")
 
 
 def write_surface(mesh: SurfaceMesh, comment: str, path: Path, force: bool = False) -> None:
     """A plain OBJ file under a comment.
 
+    :param mesh: what to write.
+    :param comment: first line of the file.
+    :param path: an .obj file.
+    :param force: overwrite a file that exists.
     :raises InputError: another suffix, a file that exists and is not forced, or no such folder.
     """
     one_of(f"suffix of {path.name}", path.suffix.lower(), (".obj",))
@@ -110,9 +119,13 @@ def write_surface(mesh: SurfaceMesh, comment: str, path: Path, force: bool = Fal
 
 
 def write_obj(mesh: SurfaceMesh, design: Bools, path: Path, force: bool = False) -> list[Path]:
-    """An OBJ file with the groups and materials ``cloth`` and ``reinforcement``, and its MTL file beside it; the paths written.
+    """An OBJ file with the groups and materials ``cloth`` and ``reinforcement``, and its MTL file beside it.
 
+    :param mesh: what to write.
     :param design: reinforced triangles, ``(triangles,)``.
+    :param path: an .obj file.
+    :param force: overwrite files that exist.
+    :return: the two paths written.
     :raises InputError: another length of design, another suffix, a file exists and is not forced, or no such folder.
     """
     path = _target(path, ".obj", mesh, design)
@@ -138,14 +151,19 @@ def write_obj(mesh: SurfaceMesh, design: Bools, path: Path, force: bool = False)
 def write_ply(mesh: SurfaceMesh, design: Bools, energy_j: Floats, path: Path, force: bool = False) -> list[Path]:
     """A binary PLY file: per triangle ``energy_j_m2`` and ``reinforced`` (1 or 0); vertices coloured by energy density.
 
+    :param mesh: what to write.
     :param design: reinforced triangles, ``(triangles,)``.
-    :param energy_j: strain energy of each triangle, ``(triangles,)``.
+    :param energy_j: strain energy of each triangle, J, ``(triangles,)``.
+    :param path: a .ply file.
+    :param force: overwrite a file that exists.
     :return: the path written.
-    :raises InputError: as ``write_obj``, or energies that are not finite or of another length.
+    :raises InputError: as in ``write_obj``, or energies that are not finite or of another length.
     """
     path = _target(path, ".ply", mesh, design)
     if energy_j.shape != design.shape or not np.isfinite(energy_j).all():
-        raise InputError(f"{path}: energies of shape {energy_j.shape}; allowed: finite, shape {design.shape}, one a triangle")
+        raise InputError(
+            f"{path}: energies of shape {energy_j.shape}, or not finite; expected finite numbers of shape {design.shape}"
+        )
     density_j_m2 = energy_j / mesh.areas_m2
     vertex = np.zeros(len(mesh.vertices_m), [(name, "<f8") for name in "xyz"] + [(name, "u1") for name in _COLOURS])
     for i, name in enumerate("xyz"):
@@ -178,7 +196,7 @@ def _target(path: Path, suffix: str, mesh: SurfaceMesh, design: Bools) -> Path:
     path = Path(path)
     one_of(f"suffix of {path.name}", path.suffix.lower(), (suffix,))
     if design.shape != (len(mesh.triangles),) or design.dtype != np.bool_:
-        raise InputError(f"{path}: the design is {design.dtype} of shape {design.shape}; allowed: bool, ({len(mesh.triangles)},)")
+        raise InputError(f"{path}: the design is {design.dtype} of shape {design.shape}; expected bool, ({len(mesh.triangles)},)")
     return path
 
 

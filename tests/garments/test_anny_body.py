@@ -179,8 +179,8 @@ def test_every_garment_can_be_cut(phenotype):
 
 
 def test_a_phenotype_shapes_the_body():
-    heavy, light = AnnyBody({"weight": 1.0}), AnnyBody({"weight": 0.0})
-    assert np.ptp(AnnyBody({"height": 1.0}).straight_m[:, 2]) > 1.1 * np.ptp(heavy.straight_m[:, 2])
+    _, heavy, light, _, tall = (AnnyBody(phenotype) for phenotype in PEOPLE)
+    assert np.ptp(tall.straight_m[:, 2]) > 1.1 * np.ptp(heavy.straight_m[:, 2])
     waist = [np.ptp(person.straight_m[np.abs(person.straight_m[:, 2] - 1.1) < 0.02][:, 1]) for person in (heavy, light)]
     assert waist[0] > 1.1 * waist[1]
 
@@ -223,4 +223,4 @@ def test_a_phenotype_that_it_has_not_is_refused(phenotype, message):
 
 
 def test_a_missing_package_is_named_with_the_extra():
-    assert "pip install 'wearable-haptics[body]', or body capsule" in str(missing("torch"))
+    assert "pip install 'wearable-haptics[body]', or use body capsule" in str(missing("torch"))

@@ -19,14 +19,17 @@ from haptics.garments.materials import CLOTH
 from haptics.garments.mesh import Bools
 from haptics.garments.patch.clamped_patch import ClampedPatch
 
-COVERAGE = 0.15
+COVERAGE = 0.3
 SOLVER = "superlu"
 """There everywhere, and the same bits each time."""
 
 
+BODY = open_body("capsule")
+SLEEVE = cut_garment(BODY, "sleeve", "coarse")
+
+
 def _worn(**options) -> WornMotion:
-    body = open_body("capsule")
-    return wear(body, cut_garment(body, "sleeve", "coarse"), MOTIONS["elbow_flexion"], 60.0, solver=SOLVER, **options)
+    return wear(BODY, SLEEVE, MOTIONS["elbow_flexion"], 60.0, solver=SOLVER, **options)
 
 
 def _sleeve() -> GarmentOnBody:
@@ -46,15 +49,15 @@ def sequence(sleeve: GarmentOnBody) -> DesignSequence:
 def test_energy_of_a_triangle_is_the_derivative_of_all_energy_by_its_modulus() -> None:
     """One triangle's E by a part more and less: cloth of which only that triangle is `reinforced`."""
     change, cloth = 1e-3, _worn(reinforced=CLOTH).simulation
+    changed = [_worn(reinforced=CLOTH.with_values(young_pa=CLOTH.young_pa * part)) for part in (1 + change, 1 - change)]
     none = np.zeros(len(cloth.triangles), bool)
     equal = cloth.solve(none)
     strained = np.argsort(equal.element_energy_j)[::-1]
-    for triangle in strained[[0, 40, 200, 400]]:
+    for triangle in strained[[0, 40, 400]]:
         only = none.copy()
         only[triangle] = True
         totals = []
-        for sign in (1, -1):
-            other = _worn(reinforced=CLOTH.with_values(young_pa=CLOTH.young_pa * (1 + sign * change)))
+        for other in changed:
             state = other.simulation.solve(only, equal.positions_m)
             assert state.converged
             skin = other.simulation.skin(other.posed_m(60.0))
@@ -66,14 +69,14 @@ def test_energy_of_a_triangle_is_the_derivative_of_all_energy_by_its_modulus() -
 def test_every_step_of_the_sleeve_converges_and_the_coverage_is_met(sequence: DesignSequence) -> None:
     assert max(step.residual_n for step in sequence.steps) <= 1e-7
     assert sequence.final.coverage == pytest.approx(COVERAGE, abs=0.003)
-    assert 126 <= len(sequence.steps) <= 160
+    assert 80 + 10 <= len(sequence.steps) <= 120
 
 
 def test_density_of_the_sleeve_rises_with_less_reinforcement(sequence: DesignSequence) -> None:
     densities = np.array([step.density for step in sequence.steps])
     assert densities[0] == 1.0
     assert np.diff(densities[::10]).min() > -0.02
-    assert sequence.final.density > 1.8
+    assert sequence.final.density > 1.7
 
 
 @pytest.mark.parametrize("shape", ["line", "x"])
@@ -88,7 +91,7 @@ def test_random_designs_are_beaten(sleeve: GarmentOnBody, sequence: DesignSequen
     """Scattered triangles, and discs about random places."""
     chance, areas = np.random.default_rng(7), sleeve.areas_m2
     full = Densities.of(sleeve.designable, areas, sleeve.solve(sleeve.designable).element_energy_j)
-    for number in range(6):
+    for number in range(4):
         order = chance.permutation(len(areas))
         if number % 2:
             order = np.argsort(np.linalg.norm(sleeve.rest.centres_m - sleeve.rest.centres_m[order[0]], axis=1))
@@ -106,21 +109,21 @@ def test_final_design_is_the_same_afresh(sleeve: GarmentOnBody, sequence: Design
 
 def test_resumed_sleeve_gives_the_same_bytes(tmp_path: Path) -> None:
     paths = [tmp_path / name for name in ("whole.h5", "resumed.h5")]
-    optimise(_sleeve(), 0.7, store=DesignStore(paths[0]))
+    optimise(_sleeve(), 0.95, store=DesignStore(paths[0]))
 
     def stop(number: int, step: object) -> None:
-        if number == 9:
+        if number == 2:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        optimise(_sleeve(), 0.7, store=DesignStore(paths[1]), progress=stop)
-    optimise(_sleeve(), 0.7, store=DesignStore(paths[1]))
+        optimise(_sleeve(), 0.95, store=DesignStore(paths[1]), progress=stop)
+    optimise(_sleeve(), 0.95, store=DesignStore(paths[1]))
     assert paths[0].read_bytes() == paths[1].read_bytes()
 
 
 @pytest.fixture(scope="module")
 def patch() -> ClampedPatch:
-    return ClampedPatch(elements=800, solver=SOLVER)
+    return ClampedPatch(elements=500, solver=SOLVER)
 
 
 def _nearest(patch: ClampedPatch, away: np.ndarray) -> Bools:

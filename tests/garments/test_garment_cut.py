@@ -154,7 +154,7 @@ def test_a_body_with_a_hole_under_the_garment_is_refused():
     body = CapsuleBody()
     middle = body.straight_m[body.triangles].mean(axis=1) - body.joints_m["elbow_l"]
     body.triangles = np.delete(body.triangles, np.linalg.norm(middle, axis=1).argmin(), axis=0)
-    with pytest.raises(InputError, match="sleeve cut out of body capsule has 3 openings; allowed: 2"):
+    with pytest.raises(InputError, match="sleeve cut out of body capsule has 3 openings; expected 2"):
         cut_garment(body, "sleeve")
 
 

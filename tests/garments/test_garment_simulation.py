@@ -35,7 +35,7 @@ def hoop_energy_j_m2(stretch: float) -> float:
     return mu / 2 * (stretch**2 + width**2 - 2) - mu * np.log(stretch * width) + lam / 2 * np.log(stretch * width) ** 2
 
 
-@pytest.mark.parametrize("by", [0.02, 0.1, 0.3])
+@pytest.mark.parametrize("by", [0.02, 0.3])
 def test_a_tube_on_a_swollen_limb_stores_the_energy_of_a_strip_pulled_around_it(by):
     """Exact, but for the mesh, whose error falls with the square of its edges: the cloth is stretched around the limb and free
     along it. Edges of 5 mm on a limb of 45 mm leave 0.6 %."""
@@ -54,7 +54,7 @@ def test_the_swollen_limbs_energy_converges_with_the_mesh():
         worn = swollen(0.1, around, interface=HARD)
         return abs(worn.solve(plain(worn)).energy_j / worn.areas_m2.sum() / hoop_energy_j_m2(1.1) - 1)
 
-    coarse, middle, fine = (error(around) for around in (20, 40, 80))
+    coarse, middle, fine = (error(around) for around in (16, 28, 48))
     assert coarse > 1.5 * middle > 1.5 * 1.5 * fine
 
 

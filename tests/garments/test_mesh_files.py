@@ -136,7 +136,7 @@ def test_nothing_is_overwritten_and_lengths_are_checked(tmp_path):
     assert len(write_obj(MESH, DESIGN, tmp_path / "sleeve.obj", force=True)) == 2
     with pytest.raises(InputError, match="the design is bool of shape"):
         write_obj(MESH, DESIGN[:3], tmp_path / "other.obj")
-    with pytest.raises(InputError, match="allowed: finite"):
+    with pytest.raises(InputError, match="expected finite"):
         write_ply(MESH, DESIGN, np.full(len(DESIGN), np.nan), tmp_path / "other.ply")
     with pytest.raises(InputError, match=r"suffix of other\.stl"):
         write_ply(MESH, DESIGN, ENERGY_J, tmp_path / "other.stl")

@@ -18,6 +18,7 @@ from haptics.garments.bodies import open_body
 from haptics.garments.design.designs import DesignSequence, DesignStep, Reached
 from haptics.garments.design.rating import Densities
 from haptics.garments.mesh import SurfaceMesh
+from haptics.garments.views import pictures
 from haptics.garments.views.pictures import (
     REINFORCED_COLOUR,
     brightest,
@@ -165,24 +166,31 @@ def drawn(kind: str, worn, sequence, path, force=False):
 KINDS = ("sequence", "density", "energy", "motion")
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_nothing_is_cut_off_at_the_edges(kind, worn, sequence, tmp_path):
-    pixels = imread(drawn(kind, worn, sequence, tmp_path / "one.png"))[..., :3]
+@pytest.fixture(scope="module", params=KINDS)
+def picture(request, worn, sequence, tmp_path_factory):
+    """One picture of each kind: what it is, and its file."""
+    return request.param, drawn(request.param, worn, sequence, tmp_path_factory.mktemp("pictures") / f"{request.param}.png")
+
+
+def test_nothing_is_cut_off_at_the_edges(picture):
+    pixels = imread(picture[1])[..., :3]
     for edge in (pixels[:2], pixels[-2:], pixels[:, :2], pixels[:, -2:]):
         assert edge.min() == 1.0
     assert (pixels < 0.9).any(axis=2).mean() > 0.02  # not an empty page
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_the_same_design_gives_the_same_bytes_and_is_not_overwritten_unasked(kind, worn, sequence, tmp_path):
-    one = drawn(kind, worn, sequence, tmp_path / "one.png").read_bytes()
-    assert drawn(kind, worn, sequence, tmp_path / "two.png").read_bytes() == one
+def test_the_same_design_gives_the_same_bytes_and_is_not_overwritten_unasked(picture, worn, sequence, monkeypatch):
+    kind, path = picture
+    one = path.read_bytes()
+    assert drawn(kind, worn, sequence, path, force=True).read_bytes() == one
+    monkeypatch.setattr(pictures, "PIXELS", 60)
     with pytest.raises(InputError, match="--force"):
-        drawn(kind, worn, sequence, tmp_path / "one.png")
-    drawn(kind, worn, sequence, tmp_path / "one.png", force=True)
+        drawn(kind, worn, sequence, path)
+    assert path.read_bytes() == one
 
 
-def test_less_coverage_is_less_blue(worn, sequence, tmp_path):
+def test_less_coverage_is_less_blue(worn, sequence, tmp_path, monkeypatch):
+    monkeypatch.setattr(pictures, "PIXELS", 200)
     pixels = imread(draw_sequence(worn, sequence, tmp_path / "one.png"))[..., :3]
     hue = pixels / np.maximum(pixels.max(axis=2, keepdims=True), 1e-9)
     blue = np.abs(hue - REINFORCED_COLOUR / REINFORCED_COLOUR.max()).max(axis=2) < 0.05

@@ -46,7 +46,7 @@ def test_the_seam_goes_round_the_reinforcement():
 
 
 def test_cutting_keeps_the_surface_and_its_orientation():
-    garment = tube(bulge=0.02)
+    garment = tube(24, 26, bulge=0.02)
     cloth, _ = cut(garment)
     checked_mesh(cloth.mesh.vertices_m, cloth.mesh.triangles, "cut")
     kept = np.bincount(cloth.parents, cloth.mesh.areas_m2)
@@ -90,7 +90,7 @@ def test_openings_are_joined_one_by_one_where_front_and_back_cannot_be_told():
 
 def test_panels_above_the_bound_are_halved_until_below_or_as_many_as_allowed():
     garment = tube(around=24, along=24, bulge=0.05)
-    errors = {most: [flat.error for flat in cut(garment, max_distortion=0.02, max_panels=most)[1]] for most in (1, 2, 8)}
+    errors = {count: [flat.error for flat in cut(garment, max_distortion=0.02, max_panels=count)[1]] for count in (1, 2, 8)}
     assert len(errors[1]) == 1
     assert len(errors[2]) == 2
     assert max(errors[1]) > max(errors[2]) > max(errors[8])
@@ -98,7 +98,7 @@ def test_panels_above_the_bound_are_halved_until_below_or_as_many_as_allowed():
     assert 2 < len(errors[8]) <= 8
 
 
-@pytest.mark.parametrize("garment", [tube(), tube(bulge=0.05), three_openings()], ids=["tube", "bulge", "three"])
+@pytest.mark.parametrize("garment", [tube(), tube(24, 24, bulge=0.05), three_openings()], ids=["tube", "bulge", "three"])
 def test_both_sides_of_a_seam_run_over_the_same_points_and_lengths(garment):
     pattern = make_pattern(garment, nothing(garment), "garment")
     boundary = sum(len(panel.flat.panel.mesh.boundary_edges) for panel in pattern.panels)
@@ -141,7 +141,7 @@ def test_a_panel_lies_to_the_left_of_a_seam_and_another_to_its_right():
 
 
 def test_the_same_garment_is_cut_the_same_way_twice():
-    one, other = (cut(three_openings())[0] for _ in range(2))
+    one, other = (cut(three_openings(), max_distortion=1.0)[0] for _ in range(2))
     assert np.array_equal(one.mesh.vertices_m, other.mesh.vertices_m)
     assert np.array_equal(one.mesh.triangles, other.mesh.triangles)
     assert np.array_equal(one.seams, other.seams)
@@ -154,7 +154,7 @@ def test_a_garment_that_cannot_be_cut_into_discs_is_refused():
         np.vstack([first.triangles, first.triangles + len(first.vertices_m)]),
         "pair",
     )
-    with pytest.raises(InputError, match="pair: it is in 2 pieces; allowed: 1"):
+    with pytest.raises(InputError, match="pair: it is in 2 pieces; expected one"):
         cut(two)
     import igl
 

@@ -148,7 +148,7 @@ def test_unconverged_step_is_begun_afresh() -> None:
 
 def test_nothing_follows_from_a_state_that_does_not_converge() -> None:
     panel = _panel(fails_at={7, 8})
-    with pytest.raises(DesignInterrupted, match=r"step 7: .* 1 N are left over; allowed: at most 1e-07 N") as caught:
+    with pytest.raises(DesignInterrupted, match=r"step 7: .* residual 1 N; allowed: at most 1e-07 N") as caught:
         optimise(panel, 0.5, PLAIN)
     assert caught.value.sequence is not None
     assert len(caught.value.sequence.steps) == 7

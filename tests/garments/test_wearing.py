@@ -21,7 +21,7 @@ def sleeve():
 @pytest.fixture(scope="module")
 def flexion(sleeve):
     worn = wear(*sleeve, MOTIONS["elbow_flexion"], 60.0)
-    return worn, evaluate_motion(worn, worn.simulation.designable, worn.motion.path(60.0, 30))
+    return worn, evaluate_motion(worn, worn.simulation.designable, worn.motion.path(60.0, 20))
 
 
 def test_all_converge_and_energy_and_torque_rise(flexion):
@@ -34,7 +34,7 @@ def test_all_converge_and_energy_and_torque_rise(flexion):
 
 
 def test_the_torque_is_the_slope_of_what_is_stored(flexion):
-    """Independent of how the torque is taken (cloth held, body turned): differences of whole equilibria, 2 degrees apart."""
+    """Independent of how the torque is taken (cloth held, body turned): differences of whole equilibria, 3 degrees apart."""
     _, found = flexion
     turn = np.radians(found.angles_deg)
     slope = (found.stored_j[2:] - found.stored_j[:-2]) / (turn[2:] - turn[:-2])
@@ -56,12 +56,14 @@ def test_followed_and_cold_equilibria_differ_by_less_than_a_hundredth(flexion):
 
 def test_a_motion_that_straightens_has_its_torque_in_its_own_direction(sleeve):
     worn = wear(*sleeve, MOTIONS["elbow_extension"], 40.0)
-    found = evaluate_motion(worn, worn.simulation.designable, worn.motion.path(40.0, 4))
-    assert found.angles_deg.tolist() == [40.0, 30.0, 20.0, 10.0, 0.0]
+    *path, end = worn.motion.path(40.0, 4)
+    found = evaluate_motion(worn, worn.simulation.designable, [*path, 0.01, end])
+    assert found.angles_deg.tolist() == [40.0, 30.0, 20.0, 10.0, 0.01, 0.0]
     assert found.converged
     assert found.energy_j[0] < 1e-15
     assert found.energy_j[-1] > 0.01
     assert (found.torque_n_m[1:] > 0).all()
+    assert found.torque_n_m[-1] == pytest.approx(found.torque_n_m[-2], rel=0.01)  # one-sided at the end, central beside it
 
 
 def test_less_reinforcement_stores_less(flexion, sleeve):

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib.util
-import subprocess
-import sys
+import io
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
 
 import haptics
 from haptics.errors import InputError
-from haptics.session.configuration import load_configuration
+from haptics.session.configuration import Configuration, load_configuration
+from rigs.bench import BenchOptions
 
 pytestmark = pytest.mark.xdist_group("array")
 TOOLS = Path(__file__).resolve().parents[2] / "tools"
@@ -38,15 +40,37 @@ def tool():
 
 @pytest.fixture(scope="module")
 def calibrated(tmp_path_factory) -> Path:
-    folder = tmp_path_factory.mktemp("array")
+    """One actuator, in this process: how places go to channels is looked at below without a bench."""
+    folder, out = tmp_path_factory.mktemp("array"), io.StringIO()
     (folder / "glove.toml").write_text(BASE, encoding="utf-8")
-    words = [sys.executable, TOOLS / "characterise_array.py", folder / "out.toml", "--config", folder / "glove.toml"]
-    done = subprocess.run(
-        [*words, "--sites", "index_tip,palm_outer", "--seed", "6"], capture_output=True, text=True, timeout=280, check=False
-    )
-    assert done.returncode == 0, done.stderr
-    assert "index_tip: tau_s" in done.stdout
+    words = [
+        "characterise_array.py",
+        folder / "out.toml",
+        "--config",
+        folder / "glove.toml",
+        "--sites",
+        "index_tip",
+        "--seed",
+        "6",
+    ]
+    with pytest.MonkeyPatch.context() as patched, contextlib.redirect_stdout(out):
+        patched.setattr("sys.argv", [str(word) for word in words])
+        patched.setattr("rigs.characterize.ProcessPoolExecutor", lambda mp_context: ThreadPoolExecutor(1))
+        with pytest.raises(SystemExit) as stop:
+            tool().main()
+    assert stop.value.code == 0
+    assert "index_tip: tau_s" in out.getvalue()
     return folder / "out.toml"
+
+
+def test_each_place_is_measured_on_its_channel(monkeypatch):
+    array = tool()
+    ran = []
+    monkeypatch.setattr(array, "run_jobs", lambda jobs, executor, progress: ran.extend(jobs) or tuple(range(len(jobs))))
+    options = BenchOptions(seed=6, configuration=Configuration())
+    assert array.measure("thermal", {"index_tip": 1, "palm_outer": 7}, options, input) == {"index_tip": 0, "palm_outer": 1}
+    assert array.measure("pull", {"thumb": 2}, options, input) == {"thumb": 0}
+    assert [(rig, job.channel, job.seed) for rig, job in ran] == [("thermal", 1, 6), ("thermal", 7, 6), ("pull", 2, 6)]
 
 
 def felt_and_believed(config: Path, site: str, channel: int) -> tuple[float, float]:
@@ -79,7 +103,7 @@ def test_what_was_not_measured_stays_as_it_was(calibrated):
     assert "# the one on the bench" in text
     found = load_configuration(calibrated)
     assert (found.side, found.tactiles.rise_limit_k) == ("right", 30.0)
-    assert set(found.tactiles.calibration) == {"thumb_tip", "index_tip", "palm_outer"}
+    assert set(found.tactiles.calibration) == {"thumb_tip", "index_tip"}
     assert found.tactiles.calibration["thumb_tip"].tau_s == 99.0
     own = found.tactiles.calibration["index_tip"]
     assert 0 < own.tau_sd_s < 1
@@ -87,11 +111,10 @@ def test_what_was_not_measured_stays_as_it_was(calibrated):
     assert own.power_sd_w == pytest.approx(0.003 * own.power_w, abs=1e-3)
 
 
-def test_a_site_without_an_actuator_is_refused(tmp_path):
-    words = [sys.executable, TOOLS / "characterise_array.py", tmp_path / "out.toml", "--sites", "elbow"]
-    done = subprocess.run(words, capture_output=True, text=True, timeout=120, check=False)
-    assert done.returncode != 0
-    assert "elbow" in done.stderr
+def test_a_site_without_an_actuator_is_refused(script, tmp_path):
+    code, _, err = script("characterise_array", tmp_path / "out.toml", "--sites", "elbow")
+    assert code != 0
+    assert "elbow" in err
     assert not (tmp_path / "out.toml").exists()
 
 

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +11,6 @@ import pytest
 
 from haptics.recording import Journal, finalise
 
-TOOL = Path(__file__).resolve().parents[2] / "tools" / "compare_recordings.py"
 ROW = np.dtype([("time_ns", "i8"), ("force_n", "f8"), ("volts", "f8", (2,))])
 
 
@@ -28,11 +26,13 @@ def record(path: Path, times_s, force_n, extra: bool = False) -> Path:
     return path
 
 
-def compared(*words: object) -> tuple[int, dict]:
-    done = subprocess.run(
-        [sys.executable, TOOL, *map(str, words), "--json"], capture_output=True, text=True, timeout=60, check=False
-    )
-    return done.returncode, json.loads(done.stdout)
+@pytest.fixture
+def compared(script) -> Callable[..., tuple[int, dict]]:
+    def run(*words: object) -> tuple[int, dict]:
+        code, out, _ = script("compare_recordings", *words, "--json")
+        return code, json.loads(out)
+
+    return run
 
 
 @pytest.fixture
@@ -41,7 +41,7 @@ def first(tmp_path) -> Path:
     return record(tmp_path / "a.h5", times, 2.0 * times)
 
 
-def test_the_same_signal_sampled_at_other_times_is_the_same(first, tmp_path):
+def test_the_same_signal_sampled_at_other_times_is_the_same(first, compared, tmp_path):
     times = 5.0 + np.arange(0.0, 10.0, 0.007)  # another clock, another rate
     second = record(tmp_path / "b.h5", times, 2.0 * (times - 5.0))
     code, found = compared(first, second, "--tolerance", 1e-9)
@@ -50,7 +50,7 @@ def test_the_same_signal_sampled_at_other_times_is_the_same(first, tmp_path):
     assert [(row["field"], row["unit"]) for row in found["differences"]] == [("force_n", "N"), ("volts", "V")]
 
 
-def test_a_known_difference_is_reported_with_its_size(first, tmp_path):
+def test_a_known_difference_is_reported_with_its_size(first, compared, tmp_path):
     times = np.arange(0.0, 10.0, 0.01)
     second = record(tmp_path / "b.h5", times, 2.0 * times + np.where(times == 5.0, 0.3, 0.1))
     code, found = compared(first, second, "--stream", "pull")
@@ -62,17 +62,15 @@ def test_a_known_difference_is_reported_with_its_size(first, tmp_path):
     assert volts["greatest"] == 0.0
 
 
-def test_a_stream_in_one_recording_only_makes_them_different(first, tmp_path):
+def test_a_stream_in_one_recording_only_makes_them_different(first, compared, tmp_path):
     times = np.arange(0.0, 10.0, 0.01)
     code, found = compared(first, record(tmp_path / "b.h5", times, 2.0 * times, extra=True))
     assert code == 1
     assert found["only_in_one"] == ["notes"]
 
 
-def test_what_is_no_recording_is_refused(first, tmp_path):
+def test_what_is_no_recording_is_refused(first, script, tmp_path):
     (tmp_path / "x.h5").write_text("no")
-    done = subprocess.run(
-        [sys.executable, TOOL, first, tmp_path / "x.h5"], capture_output=True, text=True, timeout=60, check=False
-    )
-    assert done.returncode == 1
-    assert "compare_recordings:" in done.stderr
+    code, _, err = script("compare_recordings", first, tmp_path / "x.h5")
+    assert code == 1
+    assert "compare_recordings:" in err

@@ -3,26 +3,16 @@
 from __future__ import annotations
 
 import csv
-import subprocess
-import sys
-from pathlib import Path
 
 import pytest
 
 from haptics.physics.brake.parameters import BRAKE, capacitance_f
 
-TOOL = Path(__file__).resolve().parents[2] / "tools" / "sweep_volts.py"
 
-
-def sweep(*words: object) -> subprocess.CompletedProcess:
-    return subprocess.run([sys.executable, TOOL, *map(str, words)], capture_output=True, text=True, timeout=120, check=False)
-
-
-def test_each_setting_reaches_its_volts_on_the_capacitance_of_the_brake(tmp_path):
-    done = sweep(
-        tmp_path / "out.csv", "--port", "sim://brake?spread=0", "--volts", "500,1500", "--frequencies", "10,20", "--hold-s", 4
-    )
-    assert done.returncode == 0, done.stderr
+def test_each_setting_reaches_its_volts_on_the_capacitance_of_the_brake(script, tmp_path):
+    board = ("--port", "sim://brake?spread=0", "--hold-s", 4)
+    code, _, err = script("sweep_volts", tmp_path / "out.csv", *board, "--volts", "500,1500", "--frequencies", "10,20")
+    assert code == 0, err
     with (tmp_path / "out.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert [(float(row["volts asked (V)"]), float(row["frequency (Hz)"])) for row in rows] == [
@@ -39,15 +29,15 @@ def test_each_setting_reaches_its_volts_on_the_capacitance_of_the_brake(tmp_path
         assert row["taken"] == "yes"
 
 
-def test_a_setting_that_the_board_refuses_ends_the_sweep_and_leaves_no_file(tmp_path):
-    done = sweep(tmp_path / "out.csv", "--volts", "1500", "--frequencies", "200")
-    assert done.returncode == 1
-    assert "bad_value" in done.stderr
+def test_a_setting_that_the_board_refuses_ends_the_sweep_and_leaves_no_file(script, tmp_path):
+    code, _, err = script("sweep_volts", tmp_path / "out.csv", "--volts", "1500", "--frequencies", "200")
+    assert code == 1
+    assert "bad_value" in err
     assert not (tmp_path / "out.csv").exists()
 
 
 @pytest.mark.parametrize("words", [("--volts", "1600"), ("--volts", "x"), ("--frequencies", "0"), ("--hold-s", "0")])
-def test_bad_arguments_are_refused_by_name(tmp_path, words):
-    done = sweep(tmp_path / "out.csv", *words)
-    assert done.returncode == 1
-    assert words[0].strip("-").split("-")[0].rstrip("s")[:5] in done.stderr
+def test_bad_arguments_are_refused_by_name(script, tmp_path, words):
+    code, _, err = script("sweep_volts", tmp_path / "out.csv", *words)
+    assert code == 1
+    assert words[0].strip("-").split("-")[0].rstrip("s")[:5] in err

@@ -17,7 +17,9 @@ def open_body(name: str = "capsule", phenotype: Mapping[str, float] | None = Non
     """A body by name.
 
     :param name: ``capsule``, analytic, or ``anny`` (extra ``body``), a person's shape.
-    :param phenotype: what is chosen of its shape; what a body takes is in ``CapsulePhenotype`` and ``AnnyBody``.
+    :param phenotype: what is chosen of its shape, by name (see ``CapsulePhenotype`` and ``anny_body.ADULT``); None takes the
+        defaults.
+    :return: the body, standing straight.
     :raises InputError: an unknown body, a phenotype it has not, a value out of range, or a package that is missing.
     """
     one_of("body", name, BODIES)

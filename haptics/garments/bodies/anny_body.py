@@ -27,13 +27,14 @@ ADULT = {"gender": 0.5, "age": 2 / 3, "muscle": 0.5, "weight": 0.5, "height": 0.
 """Phenotype where none is given, and the names that are allowed, each 0 to 1. An age of 2/3 is a young adult, 1/3 a child."""
 
 _AT_HINGE_M = 0.02
-"""Skin so near to a hinge, along the limb, says how thick the limb is there."""
+"""Skin within this distance of a hinge, along the limb, gives the limb's thickness there."""
 
 
 class AnnyBody:
     """A body of a phenotype.
 
     :param phenotype: any of ``ADULT``'s names, 0 to 1 each; the rest as in ``ADULT``.
+    :param flesh: how far muscles bulge at elbows and knees.
     :raises InputError: a name or a value that is not allowed, or anny or torch is missing.
     """
 
@@ -52,8 +53,10 @@ class AnnyBody:
         self._shares: dict[str, Floats] = dict(zip(JOINTS, rig["shares"].T, strict=True))
 
     def posed_m(self, pose: Pose) -> Floats:
-        """Vertices in a pose, ``(vertices, 3)``; the pelvis stays where it is.
+        """Vertices of the skin in a pose; the pelvis stays where it is.
 
+        :param pose: rotation vector (rad) of each turned joint, ``(3,)``; joints left out stay straight.
+        :return: positions, m, ``(vertices, 3)``.
         :raises InputError: a joint that no body has, or a rotation that is not three finite numbers.
         """
         return self._posing.posed_m(pose)

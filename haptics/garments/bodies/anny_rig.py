@@ -23,7 +23,7 @@ from haptics.garments.cut.fairing import spanned, spread
 from haptics.garments.mesh import Floats, Ints
 
 FORMAT = 1
-"""Of what ``straight_rig`` makes; a change of it makes kept bodies anew."""
+"""Version of what ``straight_rig`` makes; another number discards kept bodies."""
 
 ENDS = ("wrist_l", "wrist_r", "ankle_l", "ankle_r")
 SEGMENTS = ("pelvis", *JOINTS)
@@ -63,18 +63,20 @@ _PART_BEGINS = {
 }
 """The bones at which a part begins; those below belong to it until the next."""
 _SEAM_M = 0.12
-"""Over which pelvis turns into torso."""
+"""Distance over which pelvis blends into torso."""
 _SPREAD_ROUNDS = 40
-"""Over about so many half steps the weights of shoulders and hips are spread: anny's change too fast for a turned thigh."""
+"""Smoothing rounds of the weights of shoulders and hips: anny's change too fast for a turned thigh."""
 
 
 @dataclass(frozen=True, eq=False)
 class RestShape:
     """A phenotype at anny's own rest, skin only.
 
-    :param weights: of each of ``SEGMENTS``, ``(vertices, segments)``.
-    :param parts: of each of ``PARTS``, ``(vertices, parts)``.
-    :param at_m: where the joints and the limbs' ends are.
+    :param vertices_m: positions, m, ``(vertices, 3)``.
+    :param triangles: vertex numbers, ``(triangles, 3)``.
+    :param weights: how far each vertex follows each of ``SEGMENTS``, rows sum to 1, ``(vertices, segments)``.
+    :param parts: how far each vertex belongs to each of ``PARTS``, rows sum to 1, ``(vertices, parts)``.
+    :param at_m: positions of the joints and of the limbs' ends by name, m, ``(3,)`` each.
     """
 
     vertices_m: Floats
@@ -86,7 +88,14 @@ class RestShape:
 
 @dataclass(frozen=True, eq=False)
 class StraightRig:
-    """The same, straight: ``shares`` say how far a vertex follows each of ``JOINTS``, ``(vertices, joints)``."""
+    """The same phenotype, standing straight.
+
+    :param vertices_m: positions, m, ``(vertices, 3)``.
+    :param triangles: vertex numbers, ``(triangles, 3)``.
+    :param shares: how far each vertex follows each of ``JOINTS``, 0 to 1, ``(vertices, joints)``.
+    :param parts: how far each vertex belongs to each of ``PARTS``, rows sum to 1, ``(vertices, parts)``.
+    :param at_m: positions of the joints and of the limbs' ends by name, m, ``(3,)`` each.
+    """
 
     vertices_m: Floats
     triangles: Ints
@@ -96,7 +105,12 @@ class StraightRig:
 
 
 def rest_shape(phenotype: Mapping[str, float]) -> RestShape:
-    """:raises InputError: anny or torch is missing."""
+    """A phenotype as anny shapes it. The first call prepares anny's own data, which takes minutes.
+
+    :param phenotype: all of ``anny_body.ADULT``'s names, 0 to 1 each.
+    :return: skin, weights and joints at anny's own rest, m.
+    :raises InputError: anny or torch is missing.
+    """
     try:
         import torch  # pyright: ignore[reportMissingImports]
         from anny import Anny, paths  # pyright: ignore[reportMissingImports]
@@ -129,16 +143,21 @@ def rest_shape(phenotype: Mapping[str, float]) -> RestShape:
 
 
 def missing(package: str) -> InputError:
-    return InputError(
-        f"{package} is not installed, which body anny needs; allowed: with the extra body, pip install 'wearable-haptics[body]', "
-        "or body capsule"
-    )
+    """The error to raise where a package of the extra ``body`` is not installed.
+
+    :param package: name of the package.
+    :return: the error, with the command that installs it.
+    """
+    return InputError(f"body anny needs {package}; install it with: pip install 'wearable-haptics[body]', or use body capsule")
 
 
 def straightening(rest: RestShape) -> dict[str, Floats]:
-    """How each segment goes from anny's rest to the straight pose with the soles on z = 0, ``(4, 4)`` each.
+    """How each segment moves from anny's rest to the straight pose with the soles on z = 0.
 
     Each limb's bone turns by the smallest rotation that brings it to the straight body's direction.
+
+    :param rest: the phenotype at anny's rest.
+    :return: by segment, the rigid motion as a homogeneous matrix, m, ``(4, 4)`` each.
     """
     moves = {"pelvis": np.eye(4)}
     moves["pelvis"][2, 3] = -rest.vertices_m[:, 2].min()
@@ -153,13 +172,22 @@ def straightening(rest: RestShape) -> dict[str, Floats]:
 
 
 def skinned(rest: RestShape, moves: Mapping[str, Floats]) -> Floats:
-    """Linear blend skinning, ``(vertices, 3)``: v = sum over segments of weight x move x v_rest."""
+    """Linear blend skinning: v = sum over segments of weight x move x v_rest.
+
+    :param rest: the phenotype at anny's rest.
+    :param moves: homogeneous matrix of each of ``SEGMENTS``, m, ``(4, 4)`` each.
+    :return: positions, m, ``(vertices, 3)``.
+    """
     blended = np.tensordot(rest.weights, np.stack([moves[segment][:3] for segment in SEGMENTS]), axes=1)
     return np.einsum("vij,vj->vi", blended[:, :, :3], rest.vertices_m) + blended[:, :, 3]
 
 
 def straight_rig(rest: RestShape) -> StraightRig:
-    """The body straightened, with clefts spanned and weights spread."""
+    """The body straightened, with clefts spanned and weights spread.
+
+    :param rest: the phenotype at anny's rest.
+    :return: the straight body with its joints, shares and parts.
+    """
     moves = straightening(rest)
     clothed = sum(rest.parts[:, PARTS.index(part)] for part in PARTS if part.startswith(("torso", "pelvis", "upper", "lower")))
     vertices = spanned(skinned(rest, moves), rest.triangles, np.asarray(clothed) > 0.5)
@@ -205,11 +233,22 @@ def _split_at_waist(parts: Floats, height_m: Floats) -> None:
 
 
 def moved(move: Floats, point_m: Floats) -> Floats:
+    """A point after a rigid motion.
+
+    :param move: homogeneous matrix, m, ``(4, 4)``.
+    :param point_m: the point, m, ``(3,)``.
+    :return: where it ends, m, ``(3,)``.
+    """
     return move[:3, :3] @ point_m + move[:3, 3]
 
 
 def about(centre_m: Floats, turn: Floats) -> Floats:
-    """A rotation about a centre, ``(4, 4)``."""
+    """A rotation about a centre as a homogeneous matrix.
+
+    :param centre_m: the point that stays, m, ``(3,)``.
+    :param turn: rotation matrix, ``(3, 3)``.
+    :return: the motion, m, ``(4, 4)``.
+    """
     move = np.eye(4)
     move[:3, :3], move[:3, 3] = turn, centre_m - turn @ centre_m
     return move

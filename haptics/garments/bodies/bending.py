@@ -22,7 +22,11 @@ _FLATNESS = 8
 
 
 def rotation(vector: Floats) -> Floats:
-    """Rotation matrices of rotation vectors, rad: ``(..., 3)`` to ``(..., 3, 3)`` (Rodrigues)."""
+    """Rotation matrices of rotation vectors (Rodrigues' formula).
+
+    :param vector: axis times angle, rad, ``(..., 3)``; zero vectors give the identity.
+    :return: rotation matrices, ``(..., 3, 3)``.
+    """
     vector = np.asarray(vector, dtype=np.float64)
     angle = np.linalg.norm(vector, axis=-1)[..., None, None]
     x, y, z = np.moveaxis(vector, -1, 0)
@@ -33,7 +37,14 @@ def rotation(vector: Floats) -> Floats:
 
 
 def turned(points_m: Floats, centre_m: Floats, vector: Floats, share: Floats) -> Floats:
-    """Points turned about a centre, each by its share of a rotation vector: ``(points, 3)``."""
+    """Points turned about a centre, each by its share of a rotation.
+
+    :param points_m: the points, m, ``(points, 3)``.
+    :param centre_m: the point that stays, m, ``(3,)``.
+    :param vector: the whole rotation, axis times angle, rad, ``(3,)``.
+    :param share: part of it that each point follows, 0 (stays) to 1, ``(points,)``.
+    :return: the points, m, ``(points, 3)``.
+    """
     moved = share > 0
     turns = rotation(share[moved, None] * vector)
     result = points_m.copy()
@@ -42,7 +53,11 @@ def turned(points_m: Floats, centre_m: Floats, vector: Floats, share: Floats) ->
 
 
 def smooth_step(fraction: Floats) -> Floats:
-    """0 below 0, 1 above 1, 3 f^2 - 2 f^3 between."""
+    """Cubic step: 0 below 0, 1 above 1, 3 f^2 - 2 f^3 between.
+
+    :param fraction: f, of any shape, no unit.
+    :return: 0 to 1, of the same shape.
+    """
     f = np.clip(fraction, 0.0, 1.0)
     return f * f * (3 - 2 * f)
 
@@ -51,11 +66,13 @@ def smooth_step(fraction: Floats) -> Floats:
 class Hinge:
     """A joint within a limb.
 
-    :param direction: of the straight limb, away from the trunk.
-    :param radius_m: of the limb at the joint.
-    :param longest_m: it may be deformed at most this far from the joint; a limb too thick for that folds as a thinner one.
-    :param belly_m: how far above the joint the muscle that bends it is thickest.
-    :param bulge_m: how much thicker it gets towards a full turn; it grows with (1 - cos angle) / 2.
+    :param centre_m: the joint, m, ``(3,)``.
+    :param direction: unit vector along the straight limb, away from the trunk, ``(3,)``.
+    :param radius_m: radius of the limb at the joint, m.
+    :param longest_m: largest distance from the joint at which flesh is deformed, m; a limb too thick for it folds as a thinner
+        one.
+    :param belly_m: distance above the joint at which the muscle that bends it is thickest, m.
+    :param bulge_m: how much thicker the muscle gets at a half turn, m; it grows with (1 - cos angle) / 2.
     """
 
     centre_m: Floats
@@ -66,7 +83,12 @@ class Hinge:
     bulge_m: float
 
     def bent(self, points_m: Floats, vector: Floats) -> Floats:
-        """The limb's points with the joint turned by a rotation vector, rad: ``(points, 3)``."""
+        """The limb's points with the joint turned.
+
+        :param points_m: points of the straight limb, m, ``(points, 3)``.
+        :param vector: rotation vector of the joint, rad, ``(3,)``.
+        :return: the points, m, ``(points, 3)``.
+        """
         turn = rotation(vector)
         swung = turn @ self.direction
         angle = float(np.arctan2(np.linalg.norm(np.cross(self.direction, swung)), self.direction @ swung))

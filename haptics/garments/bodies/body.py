@@ -25,7 +25,9 @@ class Body(Protocol):
     """
 
     @property
-    def name(self) -> str: ...
+    def name(self) -> str:
+        """What ``open_body`` calls it."""
+        ...
 
     @property
     def triangles(self) -> Ints:
@@ -48,18 +50,25 @@ class Body(Protocol):
         ...
 
     def posed_m(self, pose: Pose) -> Floats:
-        """Vertices in a pose, ``(vertices, 3)``; the pelvis stays where it is.
+        """Vertices of the skin in a pose; the pelvis stays where it is.
 
+        :param pose: rotation vector (rad) of each turned joint, ``(3,)``; joints left out stay straight.
+        :return: positions, m, ``(vertices, 3)``.
         :raises InputError: a joint that the body has not.
         """
         ...
 
 
 def checked_pose(pose: Pose) -> Pose:
-    """:raises InputError: a joint that no body has, or a rotation that is not three finite numbers."""
+    """A pose in which every joint is known and every rotation is finite.
+
+    :param pose: rotation vector (rad) by joint.
+    :return: the same pose.
+    :raises InputError: a joint that no body has, or a rotation that is not three finite numbers.
+    """
     for joint, turn in pose.items():
         if joint not in JOINTS:
             raise InputError(f"joint {joint!r} is not known; allowed: {', '.join(JOINTS)}")
         if np.shape(turn) != (3,) or not np.isfinite(turn).all():
-            raise InputError(f"rotation of {joint} is {turn!r}; allowed: three finite numbers, rad")
+            raise InputError(f"rotation of {joint} is {turn!r}; expected three finite numbers, rad")
     return pose

@@ -27,7 +27,10 @@ Arrays = dict[str, NDArray[Any]]
 def kept(kind: str, key: Mapping[str, Any], make: Callable[[], Arrays]) -> Arrays:
     """The arrays for a key: read if they are there and whole, else made and written.
 
+    :param kind: what is kept; begins the file's name.
     :param key: all that they depend on, plain data; another key is another file.
+    :param make: makes the arrays where there is no whole file.
+    :return: the arrays by name. A cache that cannot be written is reported on stderr and does no harm.
     """
     digest = hashlib.sha256(json.dumps(key, sort_keys=True).encode()).hexdigest()[:20]
     path = cache_folder() / "bodies" / f"{kind}-{digest}.npz"
@@ -49,7 +52,7 @@ def _read(path: Path) -> Arrays | None:
 
 
 def _write(path: Path, arrays: Arrays) -> None:
-    """Written beside its place and moved there in one step; a cache that cannot be written is gone without."""
+    """Written beside its place and moved there in one step; a cache that cannot be written is reported and skipped."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.NamedTemporaryFile(dir=path.parent, prefix="building-", suffix=".npz", delete=False) as file:

@@ -29,21 +29,23 @@ class CapsulePhenotype(Parameters):
 
 
 _SHOULDER_BLEND_M, _HIP_BLEND_M = 0.14, 0.20
-"""Over which trunk turns into arm, or into leg, by the difference of the distances from them. Assumed."""
+"""Lengths over which trunk blends into arm, or into leg, by the difference of the distances from them. Assumed."""
 _OVER_HIP_M = 0.12
-"""So far above the hips nothing follows a leg. Assumed."""
+"""Height above the hips from which nothing follows a leg. Assumed."""
 _SPINE_BLEND_M = 0.14
-"""Over which each of the spine's joints is felt. Assumed."""
+"""Length over which each of the spine's joints acts. Assumed."""
 _SEAM_M = 0.12
-"""Over which one part's weight turns into the next along a limb, or at the waist and neck."""
+"""Length over which one part's weight blends into the next along a limb, or at the waist and neck."""
 _BETWEEN_LIMBS_M = 0.06
-"""Over which the left leg turns into the right, by the difference of the distances from them."""
+"""Length over which the left leg blends into the right, by the difference of the distances from them."""
 
 
 class CapsuleBody:
     """A mannequin of tapered capsules joined smoothly, which needs no package beyond numpy.
 
-    :param phenotype: ``height_m`` (1.4 to 2.1) scales all of it, ``girth`` (0.8 to 1.25) the distance of the skin from the bones.
+    :param phenotype: ``height_m`` (1.4 to 2.1 m) scales all of it, ``girth`` (0.8 to 1.25) the distance of the skin from the
+        bones; None takes the defaults.
+    :param flesh: how far muscles bulge at elbows and knees.
     :raises InputError: a name or a value that is not allowed.
     """
 
@@ -117,14 +119,16 @@ class CapsuleBody:
         return Posing(self.straight_m, self.joints_m, {**balls, **spine}, bends)
 
     def posed_m(self, pose: Pose) -> Floats:
-        """Vertices in a pose, ``(vertices, 3)``; the pelvis stays where it is.
+        """Vertices of the skin in a pose; the pelvis stays where it is.
 
+        :param pose: rotation vector (rad) of each turned joint, ``(3,)``; joints left out stay straight.
+        :return: positions, m, ``(vertices, 3)``.
         :raises InputError: a joint that no body has, or a rotation that is not three finite numbers.
         """
         return self._posing.posed_m(pose)
 
     def _above(self, joint: str) -> Floats:
-        """How far each vertex follows one of the spine's joints: arms all the way, legs not at all."""
+        """How far each vertex follows one of the spine's joints: arms fully, legs not at all."""
         height = self._mannequin_m[:, 2] - LANDMARKS_M[joint][2]
         arms = self._limb_share["arm_l"] + self._limb_share["arm_r"]
         legs = self._limb_share["leg_l"] + self._limb_share["leg_r"]

@@ -22,7 +22,11 @@ BLEND_M = 0.017
 class Capsule:
     """All points within a radius, which tapers linearly, of the segment from ``a_m`` to ``b_m``; flattened from front to back.
 
-    :param depth: its depth over its width.
+    :param a_m: one end of the segment, m, ``(3,)``.
+    :param b_m: the other end, m, ``(3,)``.
+    :param radius_a_m: radius at ``a_m``, m.
+    :param radius_b_m: radius at ``b_m``, m.
+    :param depth: depth (along y) over width, no unit; 1 is round.
     """
 
     a_m: Floats
@@ -32,7 +36,11 @@ class Capsule:
     depth: float = 1.0
 
     def distance_m(self, points_m: Floats) -> Floats:
-        """Signed distance, ``(points,)``, negative inside; where tapered or flattened a little off, but zero on the surface."""
+        """Signed distance, negative inside; where tapered or flattened a little off, but zero on the surface.
+
+        :param points_m: the points, m, ``(points, 3)``.
+        :return: distances, m, ``(points,)``.
+        """
         squeeze = np.array([1.0, 1.0 / self.depth, 1.0])
         along = (self.b_m - self.a_m) * squeeze
         from_a = (points_m - self.a_m) * squeeze
@@ -151,17 +159,31 @@ REGIONS: dict[str, list[Capsule]] = {
 
 
 def region_distance_m(region: str, points_m: Floats) -> Floats:
-    """Smooth signed distance from one of ``REGIONS``, ``(points,)``: -k log sum exp(-d / k), k = ``BLEND_M``."""
+    """Smooth signed distance from one region: -k log sum exp(-d / k), k = ``BLEND_M``.
+
+    :param region: one of ``REGIONS``.
+    :param points_m: the points, m, ``(points, 3)``.
+    :return: distances, m, negative inside, ``(points,)``.
+    """
     return _melted([capsule.distance_m(points_m) for capsule in REGIONS[region]])
 
 
 def distance_m(points_m: Floats) -> Floats:
-    """Smooth signed distance from the whole mannequin, ``(points,)``, negative inside."""
+    """Smooth signed distance from the whole mannequin.
+
+    :param points_m: the points, m, ``(points, 3)``.
+    :return: distances, m, negative inside, ``(points,)``.
+    """
     return _melted([region_distance_m(region, points_m) for region in REGIONS])
 
 
 def gradient(points_m: Floats, step_m: float = 1e-5) -> Floats:
-    """Gradient of ``distance_m`` by central differences, ``(points, 3)``."""
+    """Gradient of ``distance_m`` by central differences.
+
+    :param points_m: the points, m, ``(points, 3)``.
+    :param step_m: half the distance between the two points of a difference, m.
+    :return: gradients, no unit, ``(points, 3)``.
+    """
     columns = []
     for axis in range(3):
         offset = np.zeros(3)

@@ -1,6 +1,6 @@
 """The motions that a garment is designed against, as rotations of the joints.
 
-A pose says how far each joint is from the straight standing body: by joint, a rotation vector in radians about the world axes
+A pose gives each joint's rotation from the straight standing body: by joint, a rotation vector in radians about the world axes
 of that body (z up, facing -y, +x its left), of the part below the joint relative to the part above. In the straight pose the
 arms hang 40 degrees away from the trunk, palms forward, and the legs stand 8 degrees outward, so that no two regions of cloth
 touch; elbows and knees are straight.
@@ -56,9 +56,11 @@ _SPINE = ("spine_1", "spine_2", "spine_3", "spine_4", "spine_5")
 class Motion:
     """One motion: all joints in proportion to one angle.
 
-    :param turns: rotation of each joint over the motion's angle, as a rotation vector: axis times the joint's share.
-    :param default_deg: the angle where none is asked for.
-    :param largest_deg: the largest angle allowed; the smallest is 1 degree.
+    :param name: its key in ``MOTIONS``.
+    :param turns: rotation of each joint over the motion's angle, as a rotation vector: axis times the joint's share, ``(3,)``
+        each.
+    :param default_deg: the angle where none is asked for, degrees.
+    :param largest_deg: the largest angle allowed, degrees; the smallest is 1 degree.
     :param straightens: it runs from bent to straight, else from straight to bent.
     """
 
@@ -71,30 +73,47 @@ class Motion:
     def checked_deg(self, angle_deg: float | None) -> float:
         """The angle of the motion, or the default for None.
 
+        :param angle_deg: angle asked for, degrees from straight, 1 to ``largest_deg``; None takes the default.
+        :return: the angle, degrees.
         :raises InputError: it is not 1 degree to ``largest_deg``.
         """
         asked = self.default_deg if angle_deg is None else angle_deg
         return in_range(f"angle of {self.name}", asked, 1.0, self.largest_deg, "deg")
 
     def pose(self, angle_deg: float) -> Pose:
-        """The body at an angle along the way, measured from straight.
+        """The body part of the motion's travel from straight.
 
+        :param angle_deg: degrees from straight, 0 to ``largest_deg``.
+        :return: rotation vector (rad) of each turned joint.
         :raises InputError: it is not 0 degree to ``largest_deg``.
         """
         angle = np.radians(in_range(f"angle of {self.name}", angle_deg, 0.0, self.largest_deg, "deg"))
         return {joint: angle * turn for joint, turn in self.turns.items()} if angle else STRAIGHT
 
     def rest_deg(self, angle_deg: float) -> float:
-        """The angle at which a garment for this motion is put on, where it is not stretched."""
+        """The angle at which a garment for this motion is put on, where it is not stretched.
+
+        :param angle_deg: angle of the motion, degrees, as in ``checked_deg``.
+        :return: degrees from straight.
+        :raises InputError: as in ``checked_deg``.
+        """
         return self.checked_deg(angle_deg) if self.straightens else 0.0
 
     def end_deg(self, angle_deg: float) -> float:
-        """The angle at which the motion ends."""
+        """The angle at which the motion ends.
+
+        :param angle_deg: angle of the motion, degrees, as in ``checked_deg``.
+        :return: degrees from straight.
+        :raises InputError: as in ``checked_deg``.
+        """
         return 0.0 if self.straightens else self.checked_deg(angle_deg)
 
     def path(self, angle_deg: float, steps: int) -> list[float]:
-        """Angles from rest to the end, both included: ``steps + 1`` of them, equally far apart.
+        """Angles from rest to the end, both included, equally far apart.
 
+        :param angle_deg: angle of the motion, degrees, as in ``checked_deg``.
+        :param steps: intervals, 1 to 10,000.
+        :return: ``steps + 1`` angles, degrees from straight.
         :raises InputError: an angle that is not allowed, or fewer than 1 or more than 10,000 steps.
         """
         count = int(in_range("steps", steps, 1, 10_000))
@@ -120,7 +139,7 @@ MOTIONS: dict[str, Motion] = {
         Motion("elbow_extension", _ELBOW, 60.0, 120.0, straightens=True),
         Motion("knee_flexion", _KNEE, 60.0, 120.0),
         Motion("knee_extension", _KNEE, 60.0, 120.0, straightens=True),
-        # the upper back rounds most, and the shoulders roll inward with it; the angle is the whole spine's
+        # the upper back rounds more than the lower, and the shoulders roll inward with it; the angle is the whole spine's
         Motion("slouch", {**_spine(0.1, 0.15, 0.2, 0.25, 0.3), **_both("shoulder", INWARD_AXIS, 0.6)}, 40.0, 70.0),
         Motion("crouch", {**_both("hip", _HIP_AXIS), **_both("knee", KNEE_AXIS)}, 90.0, 110.0),
         Motion("lunge", _LUNGE, 80.0, 100.0),

@@ -16,7 +16,7 @@ from haptics.physics.parameters import Parameters, parameter
 _BALLS = ("shoulder_l", "shoulder_r", "hip_l", "hip_r")
 _SPINE = ("spine_5", "spine_4", "spine_3", "spine_2", "spine_1")
 _LONGEST_SHARE = 0.65
-"""Of the shorter bone at a hinge: farther from the hinge no flesh is deformed, so that trunk and hand are not."""
+"""Share of the shorter bone at a hinge beyond which no flesh is deformed, so that trunk and hand are not."""
 
 
 @dataclass(frozen=True)
@@ -34,10 +34,10 @@ FLESH = Flesh()
 class Posing:
     """How a body's vertices follow its joints.
 
-    :param straight_m: vertices of the straight body, ``(vertices, 3)``.
-    :param joints_m: centre of each joint, ``(3,)``.
-    :param shares: how far each vertex follows a shoulder, a hip or a joint of the spine, 0 to 1, ``(vertices,)``.
-    :param hinges: elbows and knees.
+    :param straight_m: vertices of the straight body, m, ``(vertices, 3)``.
+    :param joints_m: centre of each joint, m, ``(3,)`` each.
+    :param shares: how far each vertex follows a shoulder, a hip or a joint of the spine, 0 to 1, ``(vertices,)`` each.
+    :param hinges: elbows and knees by name.
     """
 
     straight_m: Floats
@@ -46,8 +46,10 @@ class Posing:
     hinges: Mapping[str, Hinge]
 
     def posed_m(self, pose: Pose) -> Floats:
-        """Vertices in a pose, ``(vertices, 3)``.
+        """Vertices in a pose.
 
+        :param pose: rotation vector (rad) of each turned joint, ``(3,)``; joints left out stay straight.
+        :return: positions, m, ``(vertices, 3)``.
         :raises InputError: a joint that no body has, or a rotation that is not three finite numbers.
         """
         checked_pose(pose)
@@ -71,9 +73,12 @@ def hinges(
 ) -> dict[str, Hinge]:
     """Elbows and knees of a body.
 
-    :param ends_m: wrists and ankles.
-    :param radii_m: of the limb at each hinge.
-    :param scale: the body's height over 1.75 m.
+    :param joints_m: centre of each joint, m, ``(3,)`` each.
+    :param ends_m: wrists and ankles, m, ``(3,)`` each.
+    :param radii_m: radius of the limb at each hinge, m.
+    :param scale: the body's height over 1.75 m, no unit.
+    :param flesh: how far muscles bulge on a body 1.75 m tall.
+    :return: the hinge of each elbow and knee, by name.
     """
     found = {}
     for side in "lr":

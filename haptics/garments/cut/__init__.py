@@ -1,0 +1,1 @@
+"""Cutting a garment out of a body's skin, made finer and coarser."""

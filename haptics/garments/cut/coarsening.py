@@ -13,14 +13,17 @@ from haptics.garments.cut.subdivision import Sparse
 from haptics.garments.mesh import Floats, Ints, SurfaceMesh
 
 _ROUNDS = 5
-"""Of relaxation after edges have been collapsed."""
+"""Rounds of relaxation after edges have been collapsed."""
 
 
 def coarsened(vertices_m: Floats, triangles: Ints, fewer: int) -> tuple[Sparse, Ints]:
     """About ``fewer`` vertices: shortest edges collapsed, then the inner vertices relaxed within the surface,
     those of the rim laid onto the old rim.
 
-    :return: the new vertices as mixtures of the old, ``(about fewer, vertices)``; triangles.
+    :param vertices_m: positions, m, ``(vertices, 3)``.
+    :param triangles: vertex numbers, ``(triangles, 3)``.
+    :param fewer: about how many vertices to keep.
+    :return: the new vertices as mixtures of the old, ``(about fewer, vertices)``; the new triangles, ``(n, 3)``.
     :raises InputError: libigl is missing.
     """
     from scipy.sparse import vstack
@@ -46,8 +49,10 @@ def coarsened(vertices_m: Floats, triangles: Ints, fewer: int) -> tuple[Sparse, 
 def anchored(points_m: Floats, vertices_m: Floats, simplices: Ints) -> tuple[Sparse, Floats]:
     """The nearest points of triangles, or of edges, as mixtures of their vertices, and how far they are.
 
-    :param simplices: vertex numbers, three or two each.
-    :return: matrix ``(points, vertices)``; distances ``(points,)``.
+    :param points_m: the points, m, ``(points, 3)``.
+    :param vertices_m: the mesh's vertices, m, ``(vertices, 3)``.
+    :param simplices: its triangles or edges as vertex numbers, ``(n, 3)`` or ``(n, 2)``.
+    :return: weights, rows sum to 1, ``(points, vertices)``; distances, m, ``(points,)``.
     :raises InputError: libigl is missing.
     """
     from scipy.sparse import csr_array
@@ -70,11 +75,13 @@ def anchored(points_m: Floats, vertices_m: Floats, simplices: Ints) -> tuple[Spa
 
 
 def libigl() -> Any:
-    """:raises InputError: it is missing."""
+    """The module ``igl``, imported when first needed.
+
+    :return: the module.
+    :raises InputError: it is missing.
+    """
     try:
         import igl
     except ImportError as error:
-        raise InputError(
-            "libigl is not installed; allowed: with the extra garment, pip install 'wearable-haptics[garment]'"
-        ) from error
+        raise InputError("garments need libigl; install it with: pip install 'wearable-haptics[garment]'") from error
     return igl

@@ -15,8 +15,10 @@ def cut_out(vertices_m: Floats, triangles: Ints, field: Floats) -> tuple[Sparse,
     Each edge that the zero line crosses has the end that is nearer to the crossing moved onto it; then no edge crosses it, and
     whole triangles lie on one side. Triangles that hang on by a corner, or stick out with two free edges, are trimmed.
 
-    :param field: at the vertices, ``(vertices,)``.
-    :return: the region's vertices as mixtures of the given ones, ``(region's, vertices)``; its triangles.
+    :param vertices_m: positions, m, ``(vertices, 3)``.
+    :param triangles: vertex numbers, ``(triangles, 3)``.
+    :param field: any value at the vertices, positive where to keep, ``(vertices,)``.
+    :return: the region's vertices as mixtures of the given ones, ``(region's, vertices)``; its triangles, ``(n, 3)``.
     :raises InputError: the field is positive nowhere.
     """
     from scipy.sparse import csr_array
@@ -25,7 +27,7 @@ def cut_out(vertices_m: Floats, triangles: Ints, field: Floats) -> tuple[Sparse,
     side = np.where(share > 0, 0.0, np.sign(field))[triangles]
     inside = (side.min(axis=1) >= 0) & (side.max(axis=1) > 0)
     if not inside.any():
-        raise InputError("nothing is left of the garment; allowed: a body with the parts that it covers")
+        raise InputError("nothing is left of the garment: the body lacks the parts that it covers")
     kept = trimmed(largest_piece(triangles[inside]))
     used, flat = np.unique(kept, return_inverse=True)
     rows = np.arange(len(used))
@@ -37,7 +39,11 @@ def cut_out(vertices_m: Floats, triangles: Ints, field: Floats) -> tuple[Sparse,
 
 
 def openings(triangles: Ints) -> int:
-    """How many closed loops the boundary has."""
+    """How many closed loops the boundary has.
+
+    :param triangles: vertex numbers of a manifold mesh, ``(triangles, 3)``.
+    :return: number of boundary loops, from 0.
+    """
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
@@ -57,15 +63,19 @@ def _onto_zero_line(vertices_m: Floats, triangles: Ints, field: Floats) -> tuple
     flip = cut > 0.5
     moving, other = np.where(flip, edges[:, 1], edges[:, 0]), np.where(flip, edges[:, 0], edges[:, 1])
     share = np.clip(np.where(flip, 1 - cut, cut), 1e-9, None)
-    way = share * np.linalg.norm(vertices_m[moving] - vertices_m[other], axis=1)
+    travel_m = share * np.linalg.norm(vertices_m[moving] - vertices_m[other], axis=1)
     partner, moved = np.arange(len(field)), np.zeros(len(field))
-    for edge in np.argsort(-way, kind="stable"):  # the shortest way last, so that it stays
+    for edge in np.argsort(-travel_m, kind="stable"):  # the shortest last, so that it stays
         partner[moving[edge]], moved[moving[edge]] = other[edge], share[edge]
     return partner, moved
 
 
 def largest_piece(triangles: Ints) -> Ints:
-    """The triangles of the connected piece that has the most."""
+    """The triangles of the connected piece that has the largest number of them.
+
+    :param triangles: vertex numbers, ``(triangles, 3)``, at least one.
+    :return: those of the piece, in their order, ``(n, 3)``.
+    """
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
@@ -77,7 +87,11 @@ def largest_piece(triangles: Ints) -> Ints:
 
 
 def trimmed(triangles: Ints) -> Ints:
-    """Without ears (two free edges), nor what then hangs on by a corner; again until there is none."""
+    """Triangles without ears (two free edges), nor what then hangs on by a corner; repeated until there is none.
+
+    :param triangles: vertex numbers, ``(triangles, 3)``.
+    :return: those kept, ``(n, 3)``.
+    """
     while True:
         half = np.sort(triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
         _, inverse, count = np.unique(half, axis=0, return_inverse=True, return_counts=True)

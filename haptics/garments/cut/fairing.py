@@ -13,12 +13,18 @@ from haptics.garments.mesh import Bools, Floats, Ints, SurfaceMesh
 
 
 def spanned(vertices_m: Floats, triangles: Ints, where: Bools, fold_deg: float = 45.0, rings: int = 3, rounds: int = 3) -> Floats:
-    """Vertices with each sharp fold replaced by the smooth surface that continues what lies around it: ``(vertices, 3)``.
+    """Vertices with each sharp fold replaced by the smooth surface that continues what lies around it.
 
     Within so many rings of an edge whose triangles differ by more than ``fold_deg``, the positions solve L L x = 0, L being the
-    mean of the neighbours less the vertex; all others stay. Again until no fold is left, at most ``rounds`` times.
+    mean of the neighbours less the vertex; all others stay. Repeated until no fold is left, at most ``rounds`` times.
 
+    :param vertices_m: positions, m, ``(vertices, 3)``.
+    :param triangles: vertex numbers, ``(triangles, 3)``.
     :param where: vertices that may move, ``(vertices,)``.
+    :param fold_deg: angle between the normals of two neighbours above which their edge is a fold, degrees.
+    :param rings: rings of neighbours around a fold that move with it.
+    :param rounds: how often folds are looked for.
+    :return: positions, m, ``(vertices, 3)``.
     """
     from scipy.sparse.linalg import spsolve
 
@@ -38,7 +44,13 @@ def spanned(vertices_m: Floats, triangles: Ints, where: Bools, fold_deg: float =
 
 
 def spread(field: Floats, triangles: Ints, rounds: int) -> Floats:
-    """A field at the vertices, ``(vertices,)``, taken half way to the mean of the neighbours again and again."""
+    """A field taken half way to the mean of the neighbours again and again.
+
+    :param field: values at the vertices, ``(vertices,)``.
+    :param triangles: vertex numbers, ``(triangles, 3)``.
+    :param rounds: how often, from 0.
+    :return: the smoothed field, ``(vertices,)``.
+    """
     means = neighbour_means(triangles, len(field))
     for _ in range(rounds):
         field = 0.5 * (field + means @ field)
@@ -46,7 +58,12 @@ def spread(field: Floats, triangles: Ints, rounds: int) -> Floats:
 
 
 def neighbour_means(triangles: Ints, vertices: int) -> Any:
-    """The sparse matrix that takes the mean of each vertex's neighbours, ``(vertices, vertices)``."""
+    """The sparse matrix that takes the mean of each vertex's neighbours.
+
+    :param triangles: vertex numbers, ``(triangles, 3)``.
+    :param vertices: how many there are.
+    :return: weights in CSR form, rows sum to 1, ``(vertices, vertices)``.
+    """
     from scipy.sparse import coo_array
 
     edges = SurfaceMesh(np.empty((0, 3)), triangles).edges

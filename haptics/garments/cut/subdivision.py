@@ -22,6 +22,7 @@ def loop(triangles: Ints, vertices: int) -> tuple[Sparse, Ints]:
     vertex with n neighbours keeps 1 - n b and takes b of each, b = 3 / (8 n), or 3 / 16 for n = 3; on the boundary it keeps 3/4
     and takes 1/8 of its two boundary neighbours.
 
+    :param triangles: vertex numbers of a manifold mesh, ``(triangles, 3)``.
     :param vertices: how many there are.
     :return: matrix ``(vertices + edges, vertices)`` whose rows sum to 1; triangles ``(4 triangles, 3)``, four of each.
     """

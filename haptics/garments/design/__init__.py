@@ -1,0 +1,1 @@
+"""Where to reinforce a garment: evolution, hand-drawn designs, masks, ratings, the store."""

@@ -46,11 +46,11 @@ class DesignStep:
     """One design and what its equilibrium gave.
 
     :param design: reinforced triangles, ``(triangles,)``.
-    :param coverage: reinforced over designable area.
-    :param energy_j: strain energy of the whole garment, what is maximised (eq. 5.11).
+    :param coverage: reinforced over designable area, 0 to 1.
+    :param energy_j: strain energy of the whole garment, J, what is maximised (eq. 5.11).
     :param density: energy by area of the reinforced part, over that of the fully reinforced garment (5.6).
     :param density_eq65: energy of the whole garment by reinforced area, likewise (eq. 6.5).
-    :param residual_n: force left over; always a converged equilibrium.
+    :param residual_n: force left over, N; always a converged equilibrium.
     :param iterations: Newton steps it took.
     """
 
@@ -65,10 +65,10 @@ class DesignStep:
 
 @dataclass(frozen=True, eq=False)
 class Reached:
-    """From what of a design the next one follows.
+    """The state of a design from which the next one follows.
 
-    :param positions_m: its equilibrium, ``(vertices, 3)``.
-    :param history_j_m2: filtered and averaged sensitivities after it, ``(triangles,)``.
+    :param positions_m: its equilibrium, m, ``(vertices, 3)``.
+    :param history_j_m2: filtered and averaged sensitivities after it, J/m2, ``(triangles,)``.
     """
 
     positions_m: Floats
@@ -79,9 +79,11 @@ class Reached:
 class DesignSequence:
     """Designs in the order in which they were found, with the state from which the next one follows.
 
-    :param coverage: what was asked for.
+    :param steps: the designs, at least one.
+    :param coverage: coverage asked for, 0.01 to 1.
     :param full: energy densities of the fully reinforced garment.
-    :param at_final, at_latest: state of ``final`` and of the last step.
+    :param at_final: state of ``final``.
+    :param at_latest: state of the last step.
     :param complete: nothing is left to do.
     """
 
@@ -94,7 +96,7 @@ class DesignSequence:
 
     @property
     def final(self) -> DesignStep:
-        """The design asked for: of those that have the coverage, the one of greatest density; until there is one, the last.
+        """The design asked for: of those that have the coverage, the one of maximum density; until there is one, the last.
 
         At the target the procedure goes on swapping triangles, and where loops open and close again its steps differ widely.
         """
@@ -102,7 +104,12 @@ class DesignSequence:
 
 
 def asked_for(steps: tuple[DesignStep, ...], coverage: float) -> DesignStep:
-    """See ``DesignSequence.final``."""
+    """The step of maximum density among those with the coverage; the last step while none has it.
+
+    :param steps: at least one.
+    :param coverage: coverage asked for, met to ``COVERAGE_TOLERANCE``.
+    :return: one of ``steps``.
+    """
     there = [step for step in steps if abs(step.coverage - coverage) <= COVERAGE_TOLERANCE]
     return max(there, key=lambda step: step.density) if there else steps[-1]
 
@@ -121,6 +128,8 @@ class DesignStore:
     def load(self, settings: Mapping[str, Any]) -> DesignSequence | None:
         """What is in the file so far; None if there is no file.
 
+        :param settings: what ``optimise`` depends on, added to those of the store, as plain JSON data.
+        :return: the sequence; None if there is no file.
         :raises InputError: it was begun with other settings (the message names each), or is no design sequence.
         """
         if not self.path.exists():
@@ -131,7 +140,7 @@ class DesignStore:
         return sequence
 
     def refuse_others(self) -> None:
-        """Look, before anything takes time, whether what is in the file was begun with the settings of this store.
+        """Check, before anything takes time, that what is in the file was begun with the settings of this store.
 
         :raises InputError: it was not, or is no design sequence.
         """
@@ -147,12 +156,14 @@ class DesignStore:
         ]
         if differ:
             raise InputError(
-                f"{self.path} was begun with other settings: {'; '.join(differ)}; allowed: the same ones, or another file"
+                f"{self.path} was begun with other settings: {'; '.join(differ)}; use the same settings, or another file"
             )
 
     def save(self, settings: Mapping[str, Any], sequence: DesignSequence) -> None:
         """Put ``sequence`` in place of what is in the file.
 
+        :param settings: as in ``load``.
+        :param sequence: what to write.
         :raises InputError: settings that are not plain JSON data; the folder is missing.
         :raises HapticsError: it cannot be written (a full disk); the file is as it was.
         """
@@ -164,11 +175,13 @@ class DesignStore:
 def read_designs(path: str | os.PathLike[str]) -> tuple[dict[str, Any], DesignSequence]:
     """The settings and the sequence in a file that ``DesignStore`` wrote.
 
+    :param path: the HDF5 file.
+    :return: settings as plain JSON data, and the sequence.
     :raises InputError: there is no such file, or it is no design sequence.
     """
     path = Path(path)
     if not path.is_file():
-        raise InputError(f"{path}: no such file; allowed: a file written by haptics garment design")
+        raise InputError(f"{path}: no such file; expected a file written by haptics garment design")
     return _read(path)
 
 
@@ -228,7 +241,7 @@ def _read(path: Path) -> tuple[dict[str, Any], DesignSequence]:
             )
             settings = json.loads(text_at(file, "settings"))
             if not isinstance(settings, dict):
-                raise ValueError("its settings are no JSON object")
+                raise ValueError("its settings are not a JSON object")
             return settings, sequence
     except (AttributeError, LookupError, RecursionError, TypeError, ValueError) as error:
-        raise InputError(f"{path}: this is no design sequence, or a damaged one: {error}") from error
+        raise InputError(f"{path}: not a design sequence, or a damaged one: {error}") from error

@@ -1,9 +1,9 @@
 """Designs as a person would draw them, of the same area as an optimised one (thesis 5.7): a line and an X.
 
-`line`: a strip along the shortest way between two openings, where the attachments are. `x`: two strips that cross where the
-garment is strained most and go round it to meet again on the other side, above and below: two loops. Neither says where around
-the limb it lies, so that several places are tried and the best is the baseline: the openings whose ways are strained most, then
-eight places around, one of them the most strained way; for the X also two lengths of its legs.
+`line`: a strip along the shortest path between two openings, where the attachments are. `x`: two strips that cross where strain
+is at its maximum and go round the garment to meet again on the other side, above and below: two loops. Neither fixes where around
+the limb it lies, so that several places are tried and the best is the baseline: the openings whose connecting paths are strained
+hardest, then eight places around, one of them the hardest strained path; for the X also two lengths of its legs.
 """
 
 from __future__ import annotations
@@ -27,17 +27,20 @@ SHAPES = ("line", "x")
 PLACES = 8
 """Places around the garment that are tried."""
 REACHES = (0.5, 0.25)
-"""How far the X reaches from its crossing, up and down, as a part of the way between the openings: all of it, or half."""
+"""How far the X reaches from its crossing, up and down, as a part of the distance between the openings: all of it, or half."""
 
 
 @dataclass(frozen=True, eq=False)
 class DrawnDesign:
     """The best of the places tried.
 
+    :param shape: `line` or `x`.
     :param design: reinforced triangles, ``(triangles,)``.
-    :param place: where it lies, in words.
-    :param coverage: reinforced over designable area.
-    :param density, density_eq65: as in ``DesignStep``.
+    :param place: where it lies, for people.
+    :param coverage: reinforced over designable area, 0 to 1.
+    :param energy_j: strain energy of the whole garment, J.
+    :param density: as in ``DesignStep``, no unit.
+    :param density_eq65: as in ``DesignStep``, no unit.
     :param tried: the density at each place; None where no equilibrium was found.
     """
 
@@ -52,11 +55,13 @@ class DrawnDesign:
 
 
 def best_drawn(cloth: Reinforceable, shape: str, coverage: float, full: Equilibrium | None = None) -> DrawnDesign:
-    """The baseline: ``shape`` with ``coverage`` at the place where its energy density is greatest.
+    """The baseline: ``shape`` with ``coverage`` at the place where its energy density is at its maximum.
 
+    :param cloth: the garment on its body, or a patch.
     :param shape: `line` or `x`.
     :param coverage: reinforced over designable area, 0.01 to 1; met to half a triangle.
     :param full: the fully reinforced equilibrium, if it is known already.
+    :return: the best place, with the densities of all that were tried.
     :raises InputError: a shape or coverage that is not allowed; fewer than two openings.
     :raises Unconverged: no equilibrium of the full design, or at none of the places.
     """
@@ -76,27 +81,32 @@ def best_drawn(cloth: Reinforceable, shape: str, coverage: float, full: Equilibr
             at = coverage_of(cloth, design)
             best = DrawnDesign(shape, design, place, at, state.energy_j, ratio.reinforced_j_m2, ratio.eq65_j_m2, tried)
     if best is None:
-        raise Unconverged(f"{shape}: no equilibrium at any of {len(tried)} places; allowed: at least 1", np.inf)
+        raise Unconverged(f"{shape}: no equilibrium at any of the {len(tried)} places tried", np.inf)
     return best
 
 
 def drawn_designs(cloth: Reinforceable, shape: str, coverage: float, full: Equilibrium) -> dict[str, Bools]:
     """The designs that are tried, by their places, ``(triangles,)`` each.
 
+    :param cloth: the garment on its body, or a patch.
+    :param shape: `line` or `x`.
+    :param coverage: reinforced over designable area, 0.01 to 1; met to half a triangle.
+    :param full: the fully reinforced equilibrium, whose strain decides where to draw.
+    :return: reinforced triangles by the place's name, ``(triangles,)`` each.
     :raises InputError: as ``best_drawn``.
     """
     one_of("shape", shape, SHAPES)
     in_range("coverage", coverage, 0.01, 1.0)
     around = _Around(cloth, full)
     if shape == "line":
-        ways = {f"{360 * k / PLACES:g} deg": around.lines[k] for k in range(PLACES)}
+        paths = {f"{360 * k / PLACES:g} deg": around.lines[k] for k in range(PLACES)}
     else:
-        ways = {f"{360 * k / PLACES:g} deg, reach {reach:g}": around.cross(k, reach) for k in range(PLACES) for reach in REACHES}
-    return {f"{around.between}, {place}": around.strip(way, coverage) for place, way in ways.items()}
+        paths = {f"{360 * k / PLACES:g} deg, reach {reach:g}": around.cross(k, reach) for k in range(PLACES) for reach in REACHES}
+    return {f"{around.between}, {place}": around.strip(path, coverage) for place, path in paths.items()}
 
 
 class _Around:
-    """Ways between two openings of a garment, side by side around it: the place (k, s) is the part s along the k-th way."""
+    """Paths between two openings of a garment, side by side around it: the place (k, s) is the part s along the k-th path."""
 
     def __init__(self, cloth: Reinforceable, full: Equilibrium):
         self._cloth, self._graph = cloth, SurfaceGraph(cloth.rest)
@@ -104,19 +114,19 @@ class _Around:
         if len(loops) < 2:
             raise InputError(f"{cloth.rest.name} has {len(loops)} openings; a drawn line or X needs at least 2")
         self._strain = self._graph.at_nodes(_at_vertices(cloth, full.element_energy_j))
-        ways = [self._graph.ways_from(loop) for loop in loops]
+        paths = [self._graph.paths_from(loop) for loop in loops]
         strains = {
-            (a, b): [self._mean_strain(ways[b].to(int(vertex))) for vertex in loops[a]]
+            (a, b): [self._mean_strain(paths[b].to(int(vertex))) for vertex in loops[a]]
             for a, b in permutations(range(len(loops)), 2)
         }
         a, b = max(strains, key=lambda pair: max(strains[pair]))
         starts = _equally_spaced(np.roll(loops[a], -int(np.argmax(strains[a, b]))), cloth.rest.vertices_m)
         self.between = f"opening {a + 1} to {b + 1}"
-        self.lines = [ways[b].to(int(vertex))[::-1] for vertex in starts]
+        self.lines = [paths[b].to(int(vertex))[::-1] for vertex in starts]
 
-    def strip(self, way: Ints, coverage: float) -> Bools:
-        """The triangles nearest to a way, as many as give the coverage."""
-        away = self._graph.to_centres(self._graph.ways_from(way).lengths_m)
+    def strip(self, path: Ints, coverage: float) -> Bools:
+        """The triangles nearest to a path, as many as give the coverage."""
+        away = self._graph.to_centres(self._graph.paths_from(path).lengths_m)
         away[~self._cloth.designable] = np.inf
         nearest = np.lexsort((np.arange(len(away)), away))[: int(self._cloth.designable.sum())]
         areas = self._cloth.areas_m2
@@ -125,12 +135,12 @@ class _Around:
         return design
 
     def cross(self, k: int, reach: float) -> Ints:
-        """Nodes of two ways that cross on the k-th line and meet again opposite to it, ``reach`` above and below."""
+        """Nodes of two paths that cross on the k-th line and meet again opposite to it, ``reach`` above and below."""
         middle = self._middle(k)
-        crossing = self._graph.ways_from(np.array([self._node(k, middle)]))
+        crossing = self._graph.paths_from(np.array([self._node(k, middle)]))
         nodes = []
         for up in (-reach, reach):
-            meeting = self._graph.ways_from(np.array([self._node(k + PLACES // 2, middle + up)]))
+            meeting = self._graph.paths_from(np.array([self._node(k + PLACES // 2, middle + up)]))
             for side in (-PLACES // 4, PLACES // 4):
                 halfway = self._node(k + side, middle + up / 2)
                 nodes += [crossing.to(halfway), meeting.to(halfway)]
@@ -149,11 +159,11 @@ class _Around:
         middles, weights = (along[1:] + along[:-1]) / 2, steps * (energy[1:] + energy[:-1])
         return float(middles @ weights / weights.sum() / along[-1]) if weights.sum() > 0 else 0.5
 
-    def _along(self, way: Ints) -> Floats:
-        return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(self._graph.points_m[way], axis=0), axis=1))])
+    def _along(self, path: Ints) -> Floats:
+        return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(self._graph.points_m[path], axis=0), axis=1))])
 
-    def _mean_strain(self, way: Ints) -> float:
-        along, energy = self._along(way), self._strain[way]
+    def _mean_strain(self, path: Ints) -> float:
+        along, energy = self._along(path), self._strain[path]
         return float(np.diff(along) @ (energy[1:] + energy[:-1]) / 2 / along[-1])
 
 

@@ -28,9 +28,10 @@ MIN_STRETCH = 1e-3
 """A motion that changes no edge of the garment by more than this part does not load it."""
 
 FAST_VERTICES = 8000
-"""A drawn mesh of so many costs what level ``standard`` does."""
+"""A drawn mesh of this many vertices costs as much as level ``standard``."""
 STANDARD_STEP_S, STEP_POWER = 0.5, 1.17
-"""Of a warm step of level ``standard`` on one core, and its growth with the vertices: found (docs/explanation/garments.md)."""
+"""Time of a warm step of level ``standard`` on one core, and the power of its growth with the vertices: measured
+(docs/explanation/garments.md)."""
 
 
 @dataclass(frozen=True)
@@ -38,11 +39,16 @@ class DesignJob:
     """A garment, a motion, and how finely they are computed.
 
     :param garment: one of ``GARMENTS``, or the file of a mesh around the straight body.
-    :param level: one of ``LEVELS``; ``OWN`` for a mesh.
-    :param angle_deg: how far, from straight; None takes the motion's default.
+    :param motion: one of ``MOTIONS``.
     :param coverage: reinforced over designable area, 0.01 to 1.
+    :param angle_deg: how far, degrees from straight; None takes the motion's default.
+    :param level: one of ``LEVELS``; ``OWN`` for a mesh.
+    :param body: one of ``BODIES``.
+    :param phenotype: of the body, as ``open_body`` takes it.
     :param solver: see ``cholesky.installed_solvers``; None takes the fastest.
-    :param units, up: of a mesh, as ``read_mesh`` takes them; None: metres, z up.
+    :param lame: `plane` or `thesis`, see ``Material.lame_n_m``.
+    :param units: of a mesh, as ``read_mesh`` takes them; None: metres.
+    :param up: of a mesh, as ``read_mesh`` takes it; None: z.
     :raises InputError: a name or number that is not allowed.
     """
 
@@ -78,13 +84,15 @@ class DesignJob:
     @property
     def frame(self) -> dict[str, str]:
         """``units`` and ``up``, those given."""
-        said = {"units": self.units, "up": self.up}
-        return {key: value for key, value in said.items() if value is not None}
+        given = {"units": self.units, "up": self.up}
+        return {key: value for key, value in given.items() if value is not None}
 
 
 def put_on(job: DesignJob) -> WornMotion:
     """The job's garment on the job's body, in the motion.
 
+    :param job: what to wear, and how.
+    :return: the garment at rest where the motion starts, worn where it ends.
     :raises InputError: a body or a solver that is not installed, or a motion that does not stretch the garment.
     """
     body = open_body(job.body, job.phenotype)
@@ -94,7 +102,12 @@ def put_on(job: DesignJob) -> WornMotion:
 
 
 def settings_of(job: DesignJob, worn: WornMotion) -> dict[str, Any]:
-    """All that the job's designs depend on, as plain data."""
+    """All that the job's designs depend on, as plain data.
+
+    :param job: what is worn, and how.
+    :param worn: the same, put on: its angle and solver are those used.
+    :return: plain JSON data, to be kept by a ``DesignStore``.
+    """
     return {
         **_garment_of(job.garment),
         **job.frame,
@@ -118,6 +131,8 @@ class KeptDesigns:
 
     :param path: the file.
     :param settings: what it was made for and with.
+    :param sequence: what was read.
+    :param worn: the garment on its body, at the end of the motion.
     """
 
     path: Path
@@ -130,11 +145,14 @@ class KeptDesigns:
 
         For a coverage: of the steps that have it the densest, else the nearest.
 
+        :param number: step from 0; None: see ``coverage``.
+        :param coverage: reinforced over designable area, from that of the last step to 1; None: see ``number``.
+        :return: number and design.
         :raises InputError: both, or a step or coverage out of range.
         """
         steps = self.sequence.steps
         if number is not None and coverage is not None:
-            raise InputError(f"step = {number} and coverage = {coverage:g}; allowed: one of the two")
+            raise InputError(f"step = {number} and coverage = {coverage:g}; pass only one of the two")
         if number is not None:
             chosen = steps[int(in_range("step", number, 0, len(steps) - 1))]
         elif coverage is not None:
@@ -150,16 +168,19 @@ def open_designs(path: Path, motion: str | None = None, angle_deg: float | None 
     """Read a design sequence and put its garment on its body again.
 
     :param path: the file, or the folder of ``haptics garment design``.
-    :param motion: another motion to wear it in. :param angle_deg: how far; None takes the design's angle, or the other
-        motion's default.
-    :raises InputError: no such file, a garment's mesh that has changed, or a garment that this version, on this machine, makes in
-        another way.
+    :param motion: another motion to wear it in; None takes the design's.
+    :param angle_deg: how far, degrees from straight; None takes the design's angle, or the other motion's default.
+    :return: the sequence with its garment, put on.
+    :raises InputError: no such file, a garment's mesh that has changed, or a garment that this version, on this machine, makes
+        otherwise.
     """
     file = path / STORE if path.is_dir() else path
     settings, sequence = read_designs(file)
     for key, value in _garment_of(settings["garment"]).items():
         if settings.get(key) != value:
-            raise InputError(f"{file}: its designs are for another {settings['garment']}; allowed: that mesh, unchanged")
+            raise InputError(
+                f"{file}: the mesh {settings['garment']} has changed since these designs were made; restore it, or design anew"
+            )
     body = open_body(settings["body"], settings["phenotype"])
     garment = open_garment(body, settings["garment"], settings["level"], settings.get("units"), settings.get("up"))
     materials: dict[str, Any] = {
@@ -172,7 +193,7 @@ def open_designs(path: Path, motion: str | None = None, angle_deg: float | None 
     if made_on != (len(garment.triangles), garment.weights.shape[0]):
         raise InputError(
             f"{file}: its designs are for {made_on[0]} triangles and {made_on[1]} vertices, {settings['garment']} on body "
-            f"{settings['body']} has {len(garment.triangles)} and {garment.weights.shape[0]} now; allowed: versions that made it"
+            f"{settings['body']} has {len(garment.triangles)} and {garment.weights.shape[0]} now; use the version that made them"
         )
     chosen = MOTIONS[one_of("motion", motion or settings["motion"], tuple(MOTIONS))]
     if angle_deg is None and chosen.name == settings["motion"]:
@@ -184,7 +205,10 @@ def open_designs(path: Path, motion: str | None = None, angle_deg: float | None 
 def slow_notice(worn: WornMotion, times: int, what: str) -> str | None:
     """How long a drawn mesh that is finer than level ``standard`` will take; None where it is not.
 
-    :param times: how often it is brought to equilibrium. :param what: these, in words.
+    :param worn: the garment on its body.
+    :param times: how often it is brought to equilibrium.
+    :param what: these, for people: "steps".
+    :return: a sentence for people, or None.
     """
     vertices = worn.garment.weights.shape[0]
     if worn.garment.level != OWN or vertices <= FAST_VERTICES:
@@ -199,7 +223,7 @@ def slow_notice(worn: WornMotion, times: int, what: str) -> str | None:
 
 
 def _garment_of(garment: str) -> dict[str, str]:
-    """What tells a garment: its name, or where its mesh is and what that holds."""
+    """What identifies a garment: its name, or its mesh's path and content."""
     path = mesh_of(garment)
     if path is None:
         return {"garment": garment}
@@ -209,6 +233,10 @@ def _garment_of(garment: str) -> dict[str, str]:
 def refuse_unloaded(body: Body, garment: Garment, motion: Motion, angle_deg: float) -> None:
     """Refuse a motion that does not load the garment.
 
+    :param body: the body.
+    :param garment: the garment on it.
+    :param motion: the motion.
+    :param angle_deg: how far, degrees from straight.
     :raises InputError: no edge of the garment changes; the message names motions that do.
     """
     if _stretch(body, garment, motion, angle_deg) > MIN_STRETCH:

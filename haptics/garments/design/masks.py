@@ -36,9 +36,15 @@ def read_mask(
 ) -> Bools:
     """The mask in a file, by its ending.
 
-    .png: ``mask_from_image``; .obj .ply .stl: ``mask_from_surface``; .txt .npz: ``mask_from_list``.
+    ``mask_from_image`` reads .png; ``mask_from_surface`` .obj, .ply and .stl; ``mask_from_list`` .txt and .npz.
 
-    :param units, up, note: of a surface, as ``read_mesh`` takes them.
+    :param path: the file; its ending is one of ``MASKS``.
+    :param rest: the garment at rest on the straight body.
+    :param near_m: see ``mask_from_surface``.
+    :param units: of a surface, as ``read_mesh`` takes them.
+    :param up: of a surface, as ``read_mesh`` takes it.
+    :param note: of a surface, as ``read_mesh`` takes it.
+    :return: reinforced triangles, ``(triangles,)``.
     :raises InputError: another ending, a mask that reinforces nothing, or what those raise.
     """
     path = Path(path)
@@ -50,17 +56,20 @@ def read_mask(
     else:
         mask = mask_from_surface(path, rest, near_m, units, up, note)
     if not mask.any():
-        raise InputError(f"{path} reinforces nothing; allowed: at least one triangle")
+        raise InputError(f"{path} reinforces nothing; expected at least one triangle")
     return mask
 
 
 def mask_from_image(path: str | os.PathLike[str], rest: SurfaceMesh) -> Bools:
-    """A greyscale picture wrapped around the garment at rest: dark (below half) is reinforced, ``(triangles,)``.
+    """A greyscale picture wrapped around the garment at rest: dark (below half) is reinforced.
 
     The garment's axis joins the centres of the two openings that are farthest apart. Columns are the angle around it: the garment
     is slit at the back and laid out seen from outside, so that the middle is the front and the right side the body's left. Rows
     are the length along the axis, the higher end at the top.
 
+    :param path: the picture.
+    :param rest: the garment at rest on the straight body.
+    :return: reinforced triangles, ``(triangles,)``.
     :raises InputError: no such picture, none that can be read, fewer than two openings, or matplotlib is not installed.
     """
     ink = _ink(Path(path))
@@ -78,9 +87,15 @@ def mask_from_surface(
     up: str | None = None,
     note: Callable[[str], None] | None = None,
 ) -> Bools:
-    """The triangles whose centre is nearer than ``near_m`` to a drawn surface, ``(triangles,)``.
+    """The triangles whose centre is nearer than ``near_m`` to a drawn surface.
 
-    :param path: a mesh, drawn over the garment at rest on the straight body. :param units, up, note: as ``read_mesh`` takes them.
+    :param path: a mesh, drawn over the garment at rest on the straight body.
+    :param rest: the garment there.
+    :param near_m: distance, m, 1e-5 to 0.1.
+    :param units: as ``read_mesh`` takes them.
+    :param up: as ``read_mesh`` takes it.
+    :param note: as ``read_mesh`` takes it.
+    :return: reinforced triangles, ``(triangles,)``.
     :raises InputError: a mesh that cannot be used, no triangle near it, or libigl is not installed.
     """
     from haptics.garments.mesh_files import read_mesh
@@ -91,7 +106,7 @@ def mask_from_surface(
     mask = squared <= near_m**2
     if not mask.any():
         raise InputError(
-            f"{path}: its nearest point is {np.sqrt(squared.min()):.3g} m from the garment; allowed: one within {near_m:g} m"
+            f"{path}: its nearest point is {np.sqrt(squared.min()):.3g} m from the garment; expected one within {near_m:g} m"
         )
     return mask
 
@@ -101,7 +116,9 @@ def mask_from_list(path: str | os.PathLike[str], triangles: int) -> Bools:
 
     In text # begins a comment.
 
+    :param path: the file.
     :param triangles: how many the garment has.
+    :return: reinforced triangles, ``(triangles,)``.
     :raises InputError: a file that cannot be read, or does not fit the garment.
     """
     path = Path(path)
@@ -112,7 +129,7 @@ def mask_from_list(path: str | os.PathLike[str], triangles: int) -> Bools:
                     design = data["design"]
                     if design.shape != (triangles,) or design.dtype != np.bool_:
                         raise InputError(
-                            f"{path}: design is {design.dtype} of shape {design.shape}; allowed: bool of shape ({triangles},)"
+                            f"{path}: design is {design.dtype} of shape {design.shape}; expected bool of shape ({triangles},)"
                         )
                     return design
                 numbers = data["triangles"]
@@ -122,9 +139,9 @@ def mask_from_list(path: str | os.PathLike[str], triangles: int) -> Bools:
     except InputError:
         raise
     except (OSError, EOFError, KeyError, ValueError, zipfile.BadZipFile) as error:
-        raise InputError(f"{path}: this is no list of triangles: {error}") from error
+        raise InputError(f"{path}: not a list of triangles: {error}") from error
     if numbers.ndim != 1 or not np.issubdtype(numbers.dtype, np.integer):
-        raise InputError(f"{path}: triangles are {numbers.dtype} of shape {numbers.shape}; allowed: one row of whole numbers")
+        raise InputError(f"{path}: triangles are {numbers.dtype} of shape {numbers.shape}; expected one row of whole numbers")
     bad = numbers[(numbers < 0) | (numbers >= triangles)]
     if len(bad):
         raise InputError(f"{path}: triangle {bad[0]} does not exist; allowed: 0 to {triangles - 1}")
@@ -136,7 +153,11 @@ def mask_from_list(path: str | os.PathLike[str], triangles: int) -> Bools:
 def with_coverage(mask: Bools, rest: SurfaceMesh, designable: Bools, coverage: float) -> Bools:
     """The mask grown or trimmed along its border, by distance over the surface, until it has the coverage.
 
+    :param mask: reinforced triangles, ``(triangles,)``.
+    :param rest: the garment at rest.
+    :param designable: triangles that may be reinforced, ``(triangles,)``.
     :param coverage: reinforced over designable area, 0.01 to 1; met to half a triangle.
+    :return: reinforced triangles, ``(triangles,)``.
     :raises InputError: a coverage out of range, or a mask without a border: all or nothing.
     """
     in_range("coverage", coverage, 0.01, 1.0)
@@ -147,9 +168,9 @@ def with_coverage(mask: Bools, rest: SurfaceMesh, designable: Bools, coverage: f
     border = edges[(reinforced == 1) & (np.bincount(edge.ravel(), minlength=len(edges)) == 2)]
     if not len(border):
         what = "everything" if mask.all() else "nothing"
-        raise InputError(f"mask reinforces {what}, so that it has no border to move; allowed: some triangles, not all")
+        raise InputError(f"mask reinforces {what}, so that it has no border to move; expected some triangles, not all")
     graph = SurfaceGraph(rest)
-    away = graph.to_centres(graph.ways_from(border.ravel()).lengths_m)
+    away = graph.to_centres(graph.paths_from(border.ravel()).lengths_m)
     away = np.where(mask, -away, away)
     ranked = np.lexsort((np.arange(len(away)), away))
     ranked = ranked[designable[ranked]]
@@ -166,7 +187,7 @@ def _ink(path: Path) -> Bools:
     try:
         pixels = np.asarray(imread(path), dtype=float)
     except (OSError, SyntaxError, ValueError) as error:
-        raise InputError(f"{path}: this is no picture that can be read: {error}") from error
+        raise InputError(f"{path}: not a readable picture: {error}") from error
     if pixels.ndim == 3:
         colours = pixels[:, :, :3] if pixels.shape[2] >= 3 else pixels[:, :, :1]
         opaque = pixels[:, :, -1] if pixels.shape[2] in (2, 4) else 1.0
@@ -186,7 +207,7 @@ def _wrapped(rest: SurfaceMesh) -> tuple[Floats, Floats]:
     axis = (middles[high] - middles[low]) / apart[a, b]
     front = FRONT - axis * (FRONT @ axis)
     if np.linalg.norm(front) < 1e-6:
-        raise InputError(f"{rest.name}: its axis points to the front, so that it has no front side; allowed: any other direction")
+        raise InputError(f"{rest.name}: its axis points to the front, so that a picture cannot be wrapped around it")
     front /= np.linalg.norm(front)
     left = np.cross(axis, front)
     centres = rest.centres_m - middles[low]

@@ -16,7 +16,7 @@ triangles have h^2 = 4 A / sqrt(3)."""
 def sensitivities(
     design: Bools, areas_m2: Floats, element_energy_j: Floats, stiffness_ratio: float, penalty: float, d_min: float
 ) -> Floats:
-    """Sensitivity numbers of eq. 5.12, J/m2, ``(triangles,)``.
+    """Sensitivity numbers of eq. 5.12.
 
     alpha = (1 - k2/k1) W / 2 where reinforced, d^(p-1) (k1 - k2) / (d^p k1 + (1 - d^p) k2) W / 2 where cloth, with d = ``d_min``.
 
@@ -24,8 +24,13 @@ def sensitivities(
     the thickness too, and the energy of eq. 5.7 goes with their product. At an equilibrium p alpha A is half the total energy's
     derivative by d, where k(d) = d^p k1 + (1 - d^p) k2: the positions' own change adds nothing, since they are a minimum.
 
-    :param design: reinforced triangles.
+    :param design: reinforced triangles, ``(triangles,)``.
+    :param areas_m2: area of each triangle, m2, ``(triangles,)``.
+    :param element_energy_j: strain energy of each triangle, J, ``(triangles,)``.
     :param stiffness_ratio: k1 / k2, reinforced over cloth, above 1.
+    :param penalty: p, from 1.
+    :param d_min: d of cloth, above 0, at most 1.
+    :return: alpha, J/m2, ``(triangles,)``.
     """
     energy_j_m2 = element_energy_j / areas_m2
     kept = 1 - 1 / stiffness_ratio
@@ -34,7 +39,11 @@ def sensitivities(
 
 
 def pass_spread_m(area_m2: float) -> float:
-    """Root mean square distance over which one pass of eq. 5.13 spreads a value on triangles of this area."""
+    """Root mean square distance over which one pass of eq. 5.13 spreads a value on triangles of this area.
+
+    :param area_m2: area of one triangle, m2.
+    :return: distance, m.
+    """
     return float(np.sqrt(PASS_SPREAD * area_m2))
 
 
@@ -47,7 +56,9 @@ def mesh_filter(rest: SurfaceMesh, spread_m: float) -> Callable[[Floats], Floats
     squared spread is 4 r^2; r is such that both together reach ``spread_m``. Where one pass already reaches farther, r is 0: the
     plain filter. Constants are kept.
 
-    :param spread_m: root mean square distance over which a value is spread; 0 for the plain filter.
+    :param rest: the garment at rest.
+    :param spread_m: root mean square distance over which a value is spread, m; 0 for the plain filter.
+    :return: a function from values at the triangles, ``(triangles,)``, to smoothed ones, ``(triangles,)``.
     """
     from scipy.sparse import csc_array, diags_array
     from scipy.sparse.linalg import splu
@@ -68,7 +79,11 @@ def mesh_filter(rest: SurfaceMesh, spread_m: float) -> Callable[[Floats], Floats
 
 
 def laplacian(mesh: SurfaceMesh):
-    """Stiffness of linear triangles for the Laplace operator of the surface (cotangent weights), ``(vertices, vertices)``."""
+    """Stiffness of linear triangles for the Laplace operator of the surface (cotangent weights), ``(vertices, vertices)``.
+
+    :param mesh: the surface.
+    :return: sparse matrix in CSC form, no unit, ``(vertices, vertices)``.
+    """
     from scipy.sparse import coo_array
 
     points = mesh.vertices_m[mesh.triangles]

@@ -2,7 +2,7 @@
 
 Begins fully reinforced. Each step finds the equilibrium, ranks the triangles by what their reinforcement is worth, and lets the
 reinforced area shrink by a fixed part: the lowest lose theirs, and cloth that ranks above them gains it, up to a limit. Every
-step on the way is a design for its own coverage.
+step in between is a design for its own coverage.
 
 At the target the procedure goes on exchanging triangles, and where loops open and close its steps differ widely. So once it has
 settled, the search goes on from the best design with half as many exchanged, a quarter, and so on, until none is better. Drawn
@@ -41,11 +41,16 @@ DRAFT_TRIANGLES = 3600
 """Triangles of a garment at the level `draft`: about twice its vertices."""
 
 Progress = Callable[[int, DesignStep], None]
-"""Told each completed step, with its number counted from 0."""
+"""Called after each completed step, with its number from 0."""
 
 
 def steps_about(coverage: float, parameters: BesoParameters | None = None) -> int:
-    """About how many steps a design of a coverage takes from the fully reinforced garment."""
+    """About how many steps a design of a coverage takes from the fully reinforced garment.
+
+    :param coverage: reinforced over designable area, 0.01 to 1.
+    :param parameters: of the evolution; None takes the defaults.
+    :return: number of steps.
+    """
     p = parameters or BesoParameters()
     return math.ceil(math.log(coverage) / math.log(1 - p.evolution_rate)) + 2 * int(p.settled_steps)
 
@@ -53,7 +58,9 @@ def steps_about(coverage: float, parameters: BesoParameters | None = None) -> in
 class DesignInterrupted(Unconverged):
     """A step found no equilibrium, so that nothing could be ranked. The steps before it are kept.
 
-    :ivar sequence: those steps; None if it was the first.
+    :param message: which step failed, for people.
+    :param residual_n: force left over, N.
+    :param sequence: the steps before; None if it was the first.
     """
 
     def __init__(self, message: str, residual_n: float, sequence: DesignSequence | None):
@@ -63,12 +70,11 @@ class DesignInterrupted(Unconverged):
 
 @dataclass(frozen=True)
 class BesoParameters(Parameters):
-    """How the design evolves.
+    """How the design evolves (5.5.4).
 
-    ``filter_spread_m`` is how far the filter spreads a sensitivity (root mean square): what sets the width of the finest bands,
-    whatever the mesh. None takes that of one plain pass on this garment at the level `draft`; 0 is the plain filter, whose reach
-    depends on the mesh.
-
+    :param filter_spread_m: how far the filter spreads a sensitivity (root mean square), m, 0 to 1: what sets the width of the
+        finest bands, whatever the mesh. None takes that of one plain pass on this garment at the level `draft`; 0 is the plain
+        filter, whose reach depends on the mesh.
     :raises InputError: a value outside its range.
     """
 
@@ -110,15 +116,19 @@ def optimise(
     start: Bools | None = None,
     rivals: Sequence[DrawnDesign] = (),
 ) -> DesignSequence:
-    """The reinforcement of ``coverage`` that stores most energy when the cloth is loaded (eq. 5.11), and all those before it.
+    """The reinforcement of a coverage that stores the maximum energy when the cloth is loaded (eq. 5.11), and all before it.
 
     A step follows only from a converged equilibrium, warm-started from the last one and, where that fails, begun afresh.
     Triangles that are not designable stay cloth. Equal ranks go by the triangles' numbers.
 
+    :param cloth: the garment on its body at the end of its motion, or a patch.
     :param coverage: reinforced over designable area, from 0.01 to 1; met within 0.3 % of the designable area.
+    :param parameters: of the evolution.
     :param store: continued where it ends; each completed step goes to it.
+    :param progress: called after each completed step with its number from 0 and the step; None: nobody is.
     :param start: the design to begin with, ``(triangles,)``, smaller ones grow; None for the fully reinforced garment.
     :param rivals: drawn designs of the same coverage. Those that come near the best one found are tried, too, and improved.
+    :return: all steps; ``final`` is the one asked for.
     :raises InputError: a coverage out of range, a mesh too coarse for it, a start that reinforces nothing or what is not
         designable, or a store begun with other settings.
     :raises DesignInterrupted: a step has no equilibrium. Nothing is lost: it holds the steps so far, as does the store.
@@ -140,7 +150,13 @@ def evolve(alpha: Floats, design: Bools, designable: Bools, areas_m2: Floats, ar
     The triangles of highest ``alpha``, as many as come nearest to ``area_m2``. If that adds more than ``max_added_m2``, only the
     best of the cloth up to that area, and the best of the reinforced ones for the rest.
 
-    :param alpha, design, designable, areas_m2: ``(triangles,)`` each.
+    :param alpha: sensitivities, J/m2, ``(triangles,)``.
+    :param design: reinforced triangles so far, ``(triangles,)``.
+    :param designable: triangles that may be reinforced, ``(triangles,)``.
+    :param areas_m2: area of each triangle, m2, ``(triangles,)``.
+    :param area_m2: reinforced area of the next design, m2.
+    :param max_added_m2: largest area of cloth that becomes reinforced, m2.
+    :return: reinforced triangles, ``(triangles,)``.
     """
     ranked = np.lexsort((np.arange(len(alpha)), -alpha))
     ranked = ranked[designable[ranked]]
@@ -293,11 +309,11 @@ class _Evolution:
 
 def _checked_start(start: Bools, designable: Bools) -> Bools:
     if start.shape != designable.shape or start.dtype != np.bool_:
-        raise InputError(f"start is {start.dtype} of shape {start.shape}; allowed: bool of shape {designable.shape}")
+        raise InputError(f"start is {start.dtype} of shape {start.shape}; expected bool of shape {designable.shape}")
     outside = np.flatnonzero(start & ~designable)
     if len(outside) or not start.any():
         what = f"triangle {outside[0]}, which is not designable" if len(outside) else "nothing"
-        raise InputError(f"start reinforces {what}; allowed: at least 1 triangle, designable ones only")
+        raise InputError(f"start reinforces {what}; expected at least 1 triangle, designable ones only")
     return start.copy()
 
 

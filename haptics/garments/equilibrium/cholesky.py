@@ -39,19 +39,27 @@ class SparseCholesky(Protocol):
     name: str
 
     def factorise(self, values: Floats) -> None:
-        """Factor the matrix with these values (all of them, row by row).
+        """Factor the matrix with these values.
 
+        :param values: all entries in the pattern's order, row by row, ``(entries,)``.
         :raises NotDefinite: it has no Cholesky factor.
         """
         ...
 
     def solve(self, right: Floats) -> Floats:
-        """x of A x = right, with the last factor."""
+        """Solve A x = right with the last factor.
+
+        :param right: right-hand side, ``(n,)``.
+        :return: x, ``(n,)``.
+        """
         ...
 
 
 def installed_solvers() -> list[str]:
-    """Names of the solvers that can be had here, fastest first."""
+    """Names of the solvers that can be had here, fastest first.
+
+    :return: some of `pardiso`, `cholmod`, `superlu`; the last is always among them.
+    """
     return [name for name, (module, _) in _SOLVERS.items() if find_spec(module)]
 
 
@@ -59,6 +67,9 @@ def open_solver(name: str | None, indptr: Indices, indices: Indices) -> SparseCh
     """A solver for symmetric matrices of this pattern (compressed rows, both triangles, sorted).
 
     :param name: one of ``installed_solvers()``; None takes the first that can be loaded.
+    :param indptr: where each row begins, as in a CSR matrix, ``(n + 1,)``.
+    :param indices: column of each entry, ``(entries,)``.
+    :return: the solver, without a factor yet.
     :raises InputError: a solver that is not installed, or cannot be loaded.
     """
     names = installed_solvers()
@@ -66,7 +77,7 @@ def open_solver(name: str | None, indptr: Indices, indices: Indices) -> SparseCh
         try:
             return _SOLVERS[one_of("solver", name, names)][1](indptr, indices)
         except ImportError as error:
-            raise InputError(f"solver = {name!r} cannot be loaded: {error}; allowed: {', '.join(names)}") from error
+            raise InputError(f"solver = {name!r} cannot be loaded: {error}; installed: {', '.join(names)}") from error
     for candidate in names:
         with suppress(ImportError):  # the wrapper is there, but not the library that it wraps
             return _SOLVERS[candidate][1](indptr, indices)

@@ -35,8 +35,8 @@ class Membrane:
     """Triangles of cloth with their rest shape.
 
     :param triangles: vertex numbers, ``(triangles, 3)``.
-    :param areas_m2: rest areas, ``(triangles,)``.
-    :param shape_per_m: gradients of the three corners' hat functions in the triangle's rest plane, ``(triangles, 3, 2)``.
+    :param areas_m2: rest areas, m2, ``(triangles,)``.
+    :param shape_per_m: gradients of the three corners' hat functions in the triangle's rest plane, 1/m, ``(triangles, 3, 2)``.
     """
 
     triangles: Ints
@@ -45,7 +45,11 @@ class Membrane:
 
     @classmethod
     def at_rest(cls, rest: SurfaceMesh) -> Membrane:
-        """The membrane whose rest shape is ``rest``."""
+        """The membrane with a rest shape.
+
+        :param rest: the mesh without stretch.
+        :return: the membrane.
+        """
         a, b, c = (rest.vertices_m[rest.triangles[:, i]] for i in range(3))
         along = np.linalg.norm(b - a, axis=1)
         first = (b - a) / along[:, None]
@@ -59,37 +63,62 @@ class Membrane:
         return cls(rest.triangles, rest.areas_m2, shape)
 
     def element_energy_j(self, positions_m: Floats, lame_n_m: Floats) -> Floats:
-        """Strain energy of each triangle, ``(triangles,)``.
+        """Strain energy of each triangle (eq. 5.7, relaxed).
 
-        :param lame_n_m: (lambda, mu) times thickness of each triangle, ``(triangles, 2)``.
+        :param positions_m: positions of the vertices, m, ``(vertices, 3)``.
+        :param lame_n_m: (lambda, mu) times thickness of each triangle, N/m, ``(triangles, 2)``.
+        :return: energies, J, ``(triangles,)``.
         """
         return _energies(positions_m, self.triangles, self.areas_m2, self.shape_per_m, lame_n_m)
 
     def gradient_n(self, positions_m: Floats, lame_n_m: Floats) -> Floats:
-        """dE/dx of the whole, ``(vertices, 3)``: the force that the hand must apply at each vertex."""
+        """Derivative of the whole energy by the positions: the force that must be applied at each vertex to hold it there.
+
+        :param positions_m: positions of the vertices, m, ``(vertices, 3)``.
+        :param lame_n_m: (lambda, mu) times thickness of each triangle, N/m, ``(triangles, 2)``.
+        :return: forces, N, ``(vertices, 3)``.
+        """
         return _gradient(positions_m, self.triangles, self.areas_m2, self.shape_per_m, lame_n_m)
 
     def element_hessians_n_m(self, positions_m: Floats, lame_n_m: Floats) -> Floats:
-        """Second derivatives of each triangle's energy, ``(triangles, 9, 9)``, corner by corner."""
+        """Second derivatives of each triangle's energy, corner by corner.
+
+        :param positions_m: positions of the vertices, m, ``(vertices, 3)``.
+        :param lame_n_m: (lambda, mu) times thickness of each triangle, N/m, ``(triangles, 2)``.
+        :return: symmetric matrices, N/m, ``(triangles, 9, 9)``.
+        """
         return _hessians(positions_m, self.triangles, self.areas_m2, self.shape_per_m, lame_n_m)
 
     def stretches(self, positions_m: Floats) -> Floats:
-        """Principal stretches, larger first, ``(triangles, 2)``."""
+        """Principal stretches, larger first.
+
+        :param positions_m: positions of the vertices, m, ``(vertices, 3)``.
+        :return: stretches, 1 at rest, ``(triangles, 2)``.
+        """
         return _stretches(positions_m, self.triangles, self.shape_per_m)
 
     def states(self, positions_m: Floats, lame_n_m: Floats) -> Ints:
-        """SLACK, WRINKLED or TAUT for each triangle, ``(triangles,)``."""
+        """Whether each triangle is slack, wrinkled or taut.
+
+        :param positions_m: positions of the vertices, m, ``(vertices, 3)``.
+        :param lame_n_m: (lambda, mu) times thickness of each triangle, N/m, ``(triangles, 2)``.
+        :return: ``SLACK``, ``WRINKLED`` or ``TAUT``, ``(triangles,)``.
+        """
         return _states(self.stretches(positions_m), lame_n_m)
 
 
 def natural_width(stretch: float, lam_n_m: float, mu_n_m: float) -> float:
     """Width w at which a strip stretched by ``stretch`` has no stress across: mu (w^2 - 1) + lambda log(stretch w) = 0.
 
+    :param stretch: length over rest length, above 0.
+    :param lam_n_m: lambda times thickness, N/m, from 0.
+    :param mu_n_m: mu times thickness, N/m, above 0.
+    :return: w, width over rest width.
     :raises InputError: a stretch that is not positive, or constants outside lambda >= 0, mu > 0.
     """
     if not stretch > 0 or not mu_n_m > 0 or not lam_n_m >= 0:
         raise InputError(
-            f"natural width of stretch {stretch}, lambda {lam_n_m}, mu {mu_n_m}; allowed: stretch > 0, lambda >= 0, mu > 0"
+            f"natural width of stretch {stretch}, lambda {lam_n_m}, mu {mu_n_m}; expected stretch > 0, lambda >= 0, mu > 0"
         )
     return sqrt(_natural_width_squared(log(stretch), lam_n_m, mu_n_m))
 
@@ -316,13 +345,13 @@ def _orthonormal(u1, u2):
         length += u2[i] * u2[i]
     length = sqrt(length)
     if length <= 1e-8 * size or length <= 1e-150:
-        least = 0
+        smallest = 0
         for i in range(1, 3):
-            if abs(u1[i]) < abs(u1[least]):
-                least = i
+            if abs(u1[i]) < abs(u1[smallest]):
+                smallest = i
         length = 0.0
         for i in range(3):
-            u2[i] = (1.0 if i == least else 0.0) - u1[least] * u1[i]
+            u2[i] = (1.0 if i == smallest else 0.0) - u1[smallest] * u1[i]
             length += u2[i] * u2[i]
         length = sqrt(length)
     for i in range(3):

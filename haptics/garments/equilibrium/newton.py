@@ -16,9 +16,9 @@ LARGEST_STEP_M = 0.01
 """No vertex moves farther in one step: a longer one may jump across the body."""
 MAX_STEPS = 300
 SUFFICIENT = 1e-4
-"""Part of the decrease foretold by the slope that a step must reach (Armijo)."""
+"""Part of the decrease predicted by the slope that a step must reach (Armijo)."""
 DROWNED = 1e-13
-"""Energy differences below this part of the energy are rounding; from there on the force decides."""
+"""Energy differences below this part of the energy are rounding; there the force decides."""
 HALVINGS = 40
 NEAR = 0.2
 """A step that leaves less than this part of the force is followed by others with the same factor."""
@@ -33,20 +33,34 @@ class State(Protocol):
     """
 
     @property
-    def positions_m(self) -> Floats: ...
+    def positions_m(self) -> Floats:
+        """Positions of the vertices, m, ``(vertices, 3)``."""
+        ...
+
     @property
-    def energy_j(self) -> float: ...
+    def energy_j(self) -> float:
+        """Energy there, J."""
+        ...
+
     @property
     def force_n(self) -> Floats:
         """dE/dx, ``(vertices, 3)``: what must be applied from outside to hold it there."""
         ...
 
     def stiffness(self, damping_n_m3: float) -> Floats:
-        """d2E/dx2 in the solver's pattern, with ``damping`` times its area added at each vertex."""
+        """Second derivative of the energy in the solver's pattern.
+
+        :param damping_n_m3: stiffness per area added at each vertex, N/m3; 0 adds none.
+        :return: the matrix's entries, N/m, ``(entries,)``.
+        """
         ...
 
     def after(self, step_m: Floats) -> Floats:
-        """Positions after a step: their sum, but for terms of second order that the problem knows better."""
+        """Positions after a step: their sum, but for terms of second order that the problem knows better.
+
+        :param step_m: the step of each vertex, m, ``(vertices, 3)``.
+        :return: positions, m, ``(vertices, 3)``.
+        """
         ...
 
 
@@ -54,7 +68,9 @@ class State(Protocol):
 class Solution:
     """Where Newton's method ended.
 
-    :param residual_n: 2-norm of all nodal forces.
+    :param positions_m: positions of the vertices, m, ``(vertices, 3)``.
+    :param converged: the residual is within the tolerance.
+    :param residual_n: 2-norm of all nodal forces, N.
     :param steps: Newton steps made.
     """
 
@@ -74,16 +90,20 @@ def equilibrium(
 ) -> Solution:
     """Positions with no force left, from ``start_m``.
 
-    Newton's steps, shortened to ``LARGEST_STEP_M`` and until the energy falls as its slope foretells. Damping, a stiffness per
+    Newton's steps, shortened to ``LARGEST_STEP_M`` and until the energy falls as its slope predicts. Damping, a stiffness per
     area that holds each vertex where it is, grows while steps have to be shortened or the stiffness has no Cholesky factor, and
     dies out as soon as whole steps succeed: slack cloth, that nothing holds, does not fly off, and the end is Newton's own
     quadratic one. Close to the end, where differences of the energy are rounding, a step must lessen the force instead, and a
     factor serves several steps.
 
-    :param state_at: the energy and its derivatives at positions.
-    :param tolerance_n: on the 2-norm of the nodal forces.
-    :param damping_n_m3: to begin with: none near the solution, some 1e5 far from it.
-    :raises HapticsError: forces that are no numbers.
+    :param state_at: gives the energy and its derivatives at positions, m, ``(vertices, 3)``.
+    :param solver: for matrices of the state's pattern.
+    :param start_m: positions to start from, m, ``(vertices, 3)``.
+    :param tolerance_n: on the 2-norm of the nodal forces, N.
+    :param damping_n_m3: damping to begin with, N/m3: none near the solution, some 1e5 far from it.
+    :param max_steps: Newton steps after which the search ends unconverged.
+    :return: where the search ended; ``converged`` is false where no step helped or there were too many.
+    :raises HapticsError: forces that are not finite.
     """
     state, damping = state_at(np.array(start_m)), damping_n_m3
     for step in range(max_steps):
@@ -116,7 +136,7 @@ def _chords(state_at: Callable[[Floats], State], solver: SparseCholesky, state: 
 def _residual_n(state: State) -> float:
     residual = _size(state.force_n)
     if not np.isfinite(residual):
-        raise HapticsError("the forces in the cloth are not finite: it has been torn beyond any number")
+        raise HapticsError("nodal forces are not finite; the start is too far from equilibrium")
     return residual
 
 
@@ -126,7 +146,7 @@ def _size(forces: Floats) -> float:
 
 
 def _factorise(state: State, solver: SparseCholesky, damping: float) -> float:
-    """Factor the stiffness with the least damping tried that gives a factor, and tell that damping; above the most: none does."""
+    """Factor the stiffness with the smallest damping that gives a factor; returns it, or more than the maximum if none does."""
     while damping <= MAX_DAMPING_N_M3:
         try:
             solver.factorise(state.stiffness(damping))

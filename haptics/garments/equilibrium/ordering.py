@@ -21,7 +21,11 @@ LEAF = 8
 
 
 def nested_dissection(adjacency: csr_array) -> Ints:
-    """The vertices of a symmetric graph in an order of elimination, ``(vertices,)``."""
+    """The vertices of a symmetric graph in an order of elimination.
+
+    :param adjacency: an entry for each edge in both directions, in CSR form, ``(vertices, vertices)``.
+    :return: vertex numbers, each once, ``(vertices,)``.
+    """
     count = len(adjacency.indptr) - 1
     order = np.empty(count, dtype=np.int64)
     pieces = [(np.arange(count), 0)]
@@ -57,7 +61,7 @@ def _cut(adjacency: csr_array, piece: Ints) -> tuple[Ints, Ints, Ints] | None:
 
 
 def _levels(graph: csr_array, start: int) -> Ints:
-    """Steps from ``start`` to each vertex, -1 where there is no way."""
+    """Steps from ``start`` to each vertex, -1 where no path leads."""
     from scipy.sparse.csgraph import breadth_first_order
 
     order, before = breadth_first_order(graph, start, directed=False)

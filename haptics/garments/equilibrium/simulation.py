@@ -32,20 +32,25 @@ MAX_ROUNDS = 6
 NEAR_N = 1e-3
 """Force left over at which the vertices' homes are looked at for the first time."""
 SAME_SKIN_M = 1e-6
-"""Skin that shifts by less with a vertex' home counts as the same: a fiftieth of how deep contact gives way."""
+"""Skin that shifts by less with a vertex's home counts as the same: a fiftieth of how deep contact gives way."""
 DEEP_M = 1e-3
 """Cloth deeper inside the body than contact ever lets it sink is brought to the surface before the start."""
 
 
 @dataclass(frozen=True, eq=False)
 class Equilibrium:
-    """A garment whose forces balance, or the nearest to it that was found (``converged`` says which).
+    """A garment whose forces balance, or the nearest to it that was found (then ``converged`` is false).
 
-    :param positions_m: ``(vertices, 3)``.
-    :param residual_n: 2-norm of the nodal forces left.
-    :param energy_j: strain energy of the cloth.
-    :param element_energy_j: the same of each triangle, ``(triangles,)``.
-    :param stretches: principal stretches, larger first, ``(triangles, 2)``.
+    :param positions_m: positions of the vertices, m, ``(vertices, 3)``.
+    :param converged: the residual is within the tolerance.
+    :param residual_n: 2-norm of the nodal forces left, N.
+    :param tolerance_n: limit of the residual, N.
+    :param iterations: Newton steps made.
+    :param energy_j: strain energy of the cloth, J.
+    :param element_energy_j: the same of each triangle, J, ``(triangles,)``.
+    :param stretches: principal stretches, larger first, 1 at rest, ``(triangles, 2)``.
+    :param attachment_j: energy in the attachments, J.
+    :param contact_j: energy in the contact with the skin, J.
     """
 
     positions_m: Floats
@@ -65,9 +70,9 @@ class Skin:
     """A posed body as the garment feels it.
 
     :param surface: its smooth surface.
-    :param copy_m: the garment moved along with the body and onto its surface, ``(vertices, 3)``.
-    :param homes: the body vertex nearest to each vertex of the copy.
-    :param anchors_m: where the centres of the attached triangles are held.
+    :param copy_m: the garment moved along with the body and onto its surface, m, ``(vertices, 3)``.
+    :param homes: the body vertex nearest to each vertex of the copy, ``(vertices,)``.
+    :param anchors_m: where the centres of the attached triangles are held, m, ``(attached, 3)``.
     """
 
     surface: ImplicitBody
@@ -80,15 +85,32 @@ class Reinforceable(Protocol):
     """Cloth that can be reinforced triangle by triangle and then loaded: a garment on a body, a patch on the bench."""
 
     @property
-    def rest(self) -> SurfaceMesh: ...
+    def rest(self) -> SurfaceMesh:
+        """The mesh without stretch."""
+        ...
+
     @property
-    def triangles(self) -> Ints: ...
+    def triangles(self) -> Ints:
+        """Vertex numbers, ``(triangles, 3)``."""
+        ...
+
     @property
-    def areas_m2(self) -> Floats: ...
+    def areas_m2(self) -> Floats:
+        """Area of each triangle at rest, m2, ``(triangles,)``."""
+        ...
+
     @property
-    def designable(self) -> Bools: ...
+    def designable(self) -> Bools:
+        """Triangles that may be reinforced, ``(triangles,)``."""
+        ...
+
     def solve(self, design: Bools, start: Floats | None = None) -> Equilibrium:
-        """The loaded state with the triangles of ``design`` reinforced."""
+        """The loaded state with the triangles of ``design`` reinforced.
+
+        :param design: reinforced triangles, ``(triangles,)``.
+        :param start: positions to start from, m, ``(vertices, 3)``; None starts from scratch.
+        :return: the equilibrium, or the nearest to it that was found.
+        """
         ...
 
 
@@ -96,9 +118,15 @@ class GarmentOnBody:
     """One garment, one motion: at rest on the body in one pose, then worn in another.
 
     :param garment: what is worn.
-    :param body_triangles: the body's mesh.
-    :param rest_body_m, posed_body_m: its vertices in the two poses, ``(vertices, 3)``.
+    :param body_triangles: the body's mesh, vertex numbers, ``(n, 3)``.
+    :param rest_body_m: its vertices where the garment is at rest, m, ``(body vertices, 3)``, float64.
+    :param posed_body_m: its vertices where the garment is worn, m, ``(body vertices, 3)``, float64.
+    :param cloth: of triangles without reinforcement.
+    :param reinforced: of triangles with it.
+    :param interface: what holds the garment to the body.
+    :param lame: see ``Material.lame_n_m``.
     :param solver: see ``cholesky.installed_solvers``; None takes the fastest.
+    :param tolerance_n: on the 2-norm of the nodal forces, N.
     :raises InputError: a faulty body mesh (see ``checked_mesh``), arrays that do not fit together, or a garment that does not lie
         on the body.
     """
@@ -138,6 +166,10 @@ class GarmentOnBody:
         """Put the body into another pose: the next ``solve`` is there.
 
         The attached parts move with the skin that they lie on.
+
+        :param posed_body_m: the body's vertices, m, ``(body vertices, 3)``, float64.
+        :return: the body in that pose, as the garment feels it.
+        :raises InputError: as in ``skin``.
         """
         self._skin = self.skin(posed_body_m)
         self._homes = self._skin.homes
@@ -146,20 +178,28 @@ class GarmentOnBody:
     def skin(self, posed_body_m: Floats) -> Skin:
         """The body in a pose, as this garment feels it.
 
+        :param posed_body_m: the body's vertices, m, ``(body vertices, 3)``, float64.
+        :return: its surface, and where the garment's vertices and attachments lie on it.
         :raises InputError: vertices of another body, not finite or not float64.
         """
         require_float64("posed_body_m", posed_body_m)
         shape = self._rest_body.vertices_m.shape
         if posed_body_m.shape != shape or not np.isfinite(posed_body_m).all():
-            raise InputError(f"posed_body_m has shape {posed_body_m.shape}; allowed: {shape}, finite")
+            raise InputError(
+                f"posed_body_m has shape {posed_body_m.shape} or is not finite; expected finite numbers of shape {shape}"
+            )
         surface = ImplicitBody(self._rest_body.at(posed_body_m, "posed body"), self._lists)
         copy, homes = surface.project(self.garment.on(posed_body_m), self._rest_homes)
         return Skin(surface, copy, homes, copy[self.triangles[self._attached]].mean(axis=1))
 
     def pose_energy_j(self, positions_m: Floats, skin: Skin) -> float:
-        """What depends on the pose in the energy of the last equilibrium's cloth: contact, attachments, placing.
+        """The part of the energy that depends on the pose: contact, attachments, placing.
 
         With the positions held, its derivative by an angle of the pose is the whole energy's: the cloth is in equilibrium.
+
+        :param positions_m: the cloth of the last ``solve``, m, ``(vertices, 3)``.
+        :param skin: the body in the pose.
+        :return: energy, J.
         """
         held, placed = self._away(positions_m, skin)
         return (
@@ -174,14 +214,17 @@ class GarmentOnBody:
 
     @property
     def triangles(self) -> Ints:
+        """Vertex numbers of the garment, ``(triangles, 3)``."""
         return self.garment.triangles
 
     @property
     def areas_m2(self) -> Floats:
+        """Area of each triangle at rest, m2, ``(triangles,)``."""
         return self.rest.areas_m2
 
     @property
     def designable(self) -> Bools:
+        """Triangles that may be reinforced, ``(triangles,)``."""
         return self.garment.designable
 
     @property
@@ -192,16 +235,20 @@ class GarmentOnBody:
     def solve(self, design: Bools, start: Floats | None = None) -> Equilibrium:
         """The equilibrium with the triangles of ``design`` reinforced.
 
-        :param design: ``(triangles,)``.
-        :param start: positions to start from, ``(vertices, 3)``: those of a similar design or pose, else the posed body's copy.
+        :param design: reinforced triangles, ``(triangles,)``.
+        :param start: positions to start from, m, ``(vertices, 3)``, float64: those of a similar design or pose; None starts from
+            the posed body's copy.
+        :return: the equilibrium, or the nearest to it that was found.
         :raises InputError: arrays of the wrong shape or kind.
         """
         if design.shape != (len(self.triangles),) or design.dtype != np.bool_:
-            raise InputError(f"design is {design.dtype} of shape {design.shape}; allowed: bool of shape ({len(self.triangles)},)")
+            raise InputError(f"design is {design.dtype} of shape {design.shape}; expected bool of shape ({len(self.triangles)},)")
         if start is not None:
             require_float64("start", start)
             if start.shape != self._skin.copy_m.shape or not np.isfinite(start).all():
-                raise InputError(f"start has shape {start.shape}; allowed: {self._skin.copy_m.shape}, finite")
+                raise InputError(
+                    f"start has shape {start.shape} or is not finite; expected finite numbers of shape {self._skin.copy_m.shape}"
+                )
         self._constants = self._lame[design.astype(np.int64)]
         # Where the body has moved since, cloth may lie inside it: first onto the skin, from where the contact feels it.
         self._homes = self._skin.homes
@@ -234,7 +281,11 @@ class GarmentOnBody:
         )
 
     def state(self, positions_m: Floats) -> WornState:
-        """The garment at any positions, with the design of the last ``solve``."""
+        """The garment at any positions, with the design of the last ``solve``.
+
+        :param positions_m: positions of the vertices, m, ``(vertices, 3)``.
+        :return: energy, force and stiffness there.
+        """
         return WornState(self, positions_m)
 
     def _go_home(self, positions_m: Floats, left: Ints) -> bool:
@@ -262,7 +313,11 @@ class GarmentOnBody:
 
 
 class WornState:
-    """The garment at some positions: energy, force and stiffness, each worked out when first asked for."""
+    """The garment at some positions: energy, force and stiffness, each worked out when first asked for.
+
+    :param worn: the garment, with the design of its last ``solve``.
+    :param positions_m: positions of the vertices, m, ``(vertices, 3)``.
+    """
 
     def __init__(self, worn: GarmentOnBody, positions_m: Floats):
         self._worn, self.positions_m = worn, positions_m
@@ -275,6 +330,7 @@ class WornState:
 
     @property
     def force_n(self) -> Floats:
+        """Derivative of the energy by the positions, N, ``(vertices, 3)``."""
         return self._force_n
 
     @cached_property
@@ -289,6 +345,11 @@ class WornState:
         return out + worn._placing_n_m[:, None] * placed + worn._contact.slope_n(phi)[:, None] * gradient
 
     def stiffness(self, damping_n_m3: float) -> Floats:
+        """Second derivative of the energy in the garment's pattern.
+
+        :param damping_n_m3: stiffness per area added at each vertex, N/m3; 0 adds none.
+        :return: the matrix's entries, N/m, ``(entries,)``.
+        """
         worn = self._worn
         element = worn.membrane.element_hessians_n_m(self.positions_m, worn._constants)
         for a in range(3):
@@ -307,6 +368,9 @@ class WornState:
         Newton's step knows nothing of skin that a vertex does not touch yet: one that would land deep inside is set down on the
         surface, just deep enough for the next step to feel it. And along a straight line a vertex that slides by d leaves the
         skin by d^2/2R, 10 um for 1 mm on a forearm: vertices in contact end at the depth that the step's normal part asks for.
+
+        :param step_m: Newton's step of each vertex, m, ``(vertices, 3)``.
+        :return: positions, m, ``(vertices, 3)``.
         """
         surface, homes, rounding = self._worn._skin.surface, self._worn._homes, self._worn.interface.rounding_m
         phi, gradient, _ = self._felt
@@ -327,10 +391,12 @@ class WornState:
 def require_float64(name: str, positions: Floats) -> None:
     """Refuse other kinds of number.
 
+    :param name: what the message calls the array.
+    :param positions: the array, of any shape.
     :raises InputError: not float64. In float32 rounding alone leaves some 4e-4 N, thousands of times the tolerance.
     """
     if np.asarray(positions).dtype != np.float64:
         raise InputError(
-            f"{name} is {np.asarray(positions).dtype}; allowed: float64 "
+            f"{name} is {np.asarray(positions).dtype}; expected float64 "
             "(in float32 rounding alone leaves 4e-4 N, the tolerance is 1e-7 N)"
         )

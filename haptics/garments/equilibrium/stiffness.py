@@ -13,8 +13,8 @@ class StiffnessPattern:
     """Where the entries of the matrix lie: compressed rows, both triangles, sorted.
 
     :param vertices: number of vertices.
-    :param triangles: ``(triangles, 3)``.
-    :param fixed: unknowns that stay where they are, ``(vertices, 3)``; their rows become those of the identity.
+    :param triangles: vertex numbers, ``(triangles, 3)``.
+    :param fixed: unknowns that stay where they are, ``(vertices, 3)``; their rows become those of the identity. None: none.
     """
 
     def __init__(self, vertices: int, triangles: Ints, fixed: Bools | None = None):
@@ -46,10 +46,11 @@ class StiffnessPattern:
             self._ones = np.flatnonzero(still[row] & (row == indices))
 
     def values(self, element: Floats, vertex: Floats) -> Floats:
-        """The matrix' entries, in the pattern's order.
+        """The matrix's entries, in the pattern's order.
 
-        :param element: ``(triangles, 9, 9)``.
-        :param vertex: ``(vertices, 3, 3)``.
+        :param element: second derivatives of each triangle's energy, N/m, ``(triangles, 9, 9)``.
+        :param vertex: those of each vertex's own energy, N/m, ``(vertices, 3, 3)``.
+        :return: entries, N/m, ``(entries,)``.
         """
         out = np.zeros(len(self.indices))
         _scatter(element, self._element, vertex, self._diagonal, self._base, self._stride, out)

@@ -24,14 +24,18 @@ NEIGHBOURS = 60
 
 
 MIN_WEIGHT, FULL_WEIGHT = 1e-3, 1e-2
-"""Below the least sum of the phi_k, at nine tenths of every support, the quotient is steep and means nothing: no skin there. Phi
-fades between the two: a jump from deep inside to no skin would be a cliff in the energy, which no step gets down."""
+"""Below the minimum sum of the phi_k, at nine tenths of every support, the quotient is steep and meaningless: there is no skin.
+Phi fades between the two: a jump from deep inside to no skin would be a cliff in the energy, which no step gets down."""
 
 
 def neighbour_lists(rest: SurfaceMesh, count: int = NEIGHBOURS) -> Ints:
-    """For each body vertex the ``count`` nearest others along the skin at rest, itself first, ``(vertices, count)``.
+    """For each body vertex the ``count`` nearest others along the skin at rest, itself first.
 
     Near along the skin: within a few edges, then by distance. Where the mesh is too small to give so many, -1 fills up.
+
+    :param rest: the body's mesh at rest.
+    :param count: how many each list holds, itself included.
+    :return: vertex numbers, ``(vertices, count)``.
     """
     from scipy.sparse import csr_array
 
@@ -57,14 +61,14 @@ class ImplicitBody:
     """A posed body's smooth surface.
 
     :param posed: the body's mesh in its pose.
-    :param lists: what each body vertex sees, from ``neighbour_lists`` of the body at rest.
+    :param lists: the vertices near each body vertex, from ``neighbour_lists`` of the body at rest, ``(body vertices, count)``.
     :raises InputError: lists for another body.
     """
 
     def __init__(self, posed: SurfaceMesh, lists: Ints):
         if len(lists) != len(posed.vertices_m):
             raise InputError(
-                f"{posed.name}: neighbour lists for {len(lists)} vertices; allowed: {len(posed.vertices_m)}, one a vertex"
+                f"{posed.name}: neighbour lists for {len(lists)} vertices; expected {len(posed.vertices_m)}, one for each vertex"
             )
         self.vertices_m = posed.vertices_m
         self.normals = posed.vertex_normals
@@ -76,24 +80,48 @@ class ImplicitBody:
         self._near = _within_reach(posed.vertices_m, self.support_m, lists)
 
     def walk_home(self, points_m: Floats, homes: Ints) -> Ints:
-        """The body vertex nearest to each point, going downhill from ``homes`` along the skin, ``(points,)``."""
+        """The body vertex nearest to each point, going downhill from ``homes`` along the skin.
+
+        :param points_m: the points, m, ``(points, 3)``.
+        :param homes: a body vertex near each, ``(points,)``.
+        :return: body vertices, ``(points,)``.
+        """
         return _walk(points_m, homes, self.vertices_m, self.lists)
 
     def distance_m(self, points_m: Floats, homes: Ints) -> Floats:
-        """Phi at points with their homes, ``(points,)``; beyond every support it is +inf: nothing is felt there."""
+        """Phi at points with their homes (eq. 5.1).
+
+        :param points_m: the points, m, ``(points, 3)``.
+        :param homes: the body vertex nearest to each, ``(points,)``.
+        :return: Phi, m, negative inside, ``(points,)``; +inf beyond every support, where nothing is felt.
+        """
         return _imls(points_m, homes, self.vertices_m, self.normals, self.support_m, self._near, 0)[0]
 
     def distance_and_slope(self, points_m: Floats, homes: Ints) -> tuple[Floats, Floats]:
-        """Phi (m) and its gradient, ``(points, 3)``, zero where Phi is infinite."""
+        """Phi and its gradient.
+
+        :param points_m: the points, m, ``(points, 3)``.
+        :param homes: the body vertex nearest to each, ``(points,)``.
+        :return: Phi, m, ``(points,)``; gradient, no unit, ``(points, 3)``, zero where Phi is infinite.
+        """
         return _imls(points_m, homes, self.vertices_m, self.normals, self.support_m, self._near, 1)[:2]
 
     def distance_and_curvature(self, points_m: Floats, homes: Ints) -> tuple[Floats, Floats, Floats]:
-        """Phi (m), its gradient and its Hessian (1/m), ``(points, 3, 3)``, both zero where Phi is infinite."""
+        """Phi, its gradient and its Hessian.
+
+        :param points_m: the points, m, ``(points, 3)``.
+        :param homes: the body vertex nearest to each, ``(points,)``.
+        :return: Phi, m, ``(points,)``; gradient, no unit, ``(points, 3)``; Hessian, 1/m, ``(points, 3, 3)``; both zero where Phi
+            is infinite.
+        """
         return _imls(points_m, homes, self.vertices_m, self.normals, self.support_m, self._near, 2)
 
     def project(self, points_m: Floats, homes: Ints) -> tuple[Floats, Ints]:
-        """Points moved along the gradient onto Phi = 0, and their homes there.
+        """Points moved along the gradient onto Phi = 0.
 
+        :param points_m: the points, m, ``(points, 3)``.
+        :param homes: a body vertex near each, ``(points,)``.
+        :return: the points there, m, ``(points, 3)``, and their homes, ``(points,)``.
         :raises InputError: a point that is not within the surface's reach; the message names it.
         """
         points, homes = np.array(points_m), self.walk_home(points_m, homes)
@@ -102,7 +130,9 @@ class ImplicitBody:
             lost = np.flatnonzero(~np.isfinite(phi))
             if len(lost):
                 where = "({:.4f}, {:.4f}, {:.4f}) m".format(*points[lost[0]])
-                raise InputError(f"vertex {lost[0]} at {where} is beyond the reach of the body's surface; allowed: near the skin")
+                raise InputError(
+                    f"vertex {lost[0]} at {where} is beyond the reach of the body's surface; move it nearer to the skin"
+                )
             if np.abs(phi).max() < 1e-12:
                 break
             points = points - (phi / np.maximum(np.einsum("ij,ij->i", gradient, gradient), 0.25))[:, None] * gradient
@@ -111,7 +141,12 @@ class ImplicitBody:
 
 
 def nearest_vertices(points_m: Floats, vertices_m: Floats) -> NDArray[np.int64]:
-    """The nearest of ``vertices_m`` to each point, ``(points,)``: the first homes, in a pose where nothing folds."""
+    """The nearest of some vertices to each point: the first homes, in a pose where nothing folds.
+
+    :param points_m: the points, m, ``(points, 3)``.
+    :param vertices_m: the body's vertices, m, ``(vertices, 3)``.
+    :return: vertex numbers, ``(points,)``.
+    """
     from scipy.spatial import KDTree
 
     return np.asarray(KDTree(vertices_m).query(points_m)[1], dtype=np.int64)
@@ -143,7 +178,7 @@ def _walk(points, homes, vertices, lists):
     for i in range(len(points)):
         home = homes[i]
         while True:
-            best, least = home, np.inf
+            best, nearest = home, np.inf
             for k in lists[home]:
                 if k < 0:
                     break
@@ -152,8 +187,8 @@ def _walk(points, homes, vertices, lists):
                     + (points[i, 1] - vertices[k, 1]) ** 2
                     + (points[i, 2] - vertices[k, 2]) ** 2
                 )
-                if d < least:
-                    best, least = k, d
+                if d < nearest:
+                    best, nearest = k, d
             if best == home:
                 break
             home = best

@@ -23,7 +23,10 @@ TURN_RAD = 1e-6
 class WornMotion:
     """A garment on a body that makes one motion.
 
-    :param angle_deg: how far, measured from straight.
+    :param body: who wears it.
+    :param garment: what is worn.
+    :param motion: what the body does.
+    :param angle_deg: how far, degrees from straight.
     :param simulation: the garment, at rest where the motion starts, worn where it ends.
     """
 
@@ -34,7 +37,12 @@ class WornMotion:
     simulation: GarmentOnBody
 
     def posed_m(self, angle_deg: float) -> Floats:
-        """The body's vertices at an angle of the motion, ``(vertices, 3)``."""
+        """The body's vertices at an angle of the motion.
+
+        :param angle_deg: degrees from straight, 0 to the motion's largest.
+        :return: positions, m, ``(body vertices, 3)``.
+        :raises InputError: an angle that the motion does not allow.
+        """
         return self.body.posed_m(self.motion.pose(angle_deg))
 
 
@@ -42,12 +50,12 @@ class WornMotion:
 class MotionEvaluation:
     """A design over a motion, from rest to the end.
 
-    :param angles_deg: ``(angles,)``, measured from straight.
-    :param energy_j: strain energy of the cloth, ``(angles,)``.
-    :param stored_j: all that is stored, in attachments and contact too: what the wearer has spent.
-    :param torque_n_m: d(stored)/d(angle) in the motion's direction, ``(angles,)``: what the wearer must add. Where several joints
-        move it is the sum of their torques, each times the joint's share of the angle.
-    :param equilibria: one an angle.
+    :param angles_deg: degrees from straight, ``(angles,)``.
+    :param energy_j: strain energy of the cloth, J, ``(angles,)``.
+    :param stored_j: all that is stored, in attachments and contact too: what the wearer has spent, J, ``(angles,)``.
+    :param torque_n_m: d(stored)/d(angle) in the motion's direction, N m, ``(angles,)``: what the wearer must add. Where several
+        joints move it is the sum of their torques, each times the joint's share of the angle.
+    :param equilibria: one for each angle.
     """
 
     angles_deg: Floats
@@ -76,7 +84,17 @@ def wear(
 ) -> WornMotion:
     """Put ``garment`` on ``body`` at the rest of ``motion`` and move it to the end.
 
-    :param angle_deg: None takes the motion's default.
+    :param body: who wears it.
+    :param garment: what is worn, cut for this body.
+    :param motion: what the body does.
+    :param angle_deg: how far, degrees from straight; None takes the motion's default.
+    :param cloth: of triangles without reinforcement.
+    :param reinforced: of triangles with it.
+    :param interface: what holds the garment to the body.
+    :param lame: see ``Material.lame_n_m``.
+    :param solver: see ``cholesky.installed_solvers``; None takes the fastest.
+    :param tolerance_n: on the 2-norm of the nodal forces, N.
+    :return: the garment, worn at the end of the motion.
     :raises InputError: an angle that is not allowed, or one of ``GarmentOnBody``.
     """
     angle = motion.checked_deg(angle_deg)
@@ -88,9 +106,12 @@ def wear(
 def follow(worn: WornMotion, design: Bools, angles_deg: Sequence[float]) -> Iterator[tuple[Equilibrium, float, float]]:
     """The garment from angle to angle, each equilibrium started from the one before carried along with the skin.
 
-    Yields the equilibrium, the energy stored in all (J) and the torque in the motion's direction (N m). The simulation is back in
-    the motion's end pose afterwards.
+    The simulation is back in the motion's end pose afterwards.
 
+    :param worn: the garment on its body.
+    :param design: reinforced triangles, ``(triangles,)``.
+    :param angles_deg: degrees from straight, in the order of the motion.
+    :return: yields for each angle the equilibrium, the energy stored in all (J) and the torque in the motion's direction (N m).
     :raises InputError: an angle that the motion does not allow.
     """
     simulation = worn.simulation
@@ -109,12 +130,16 @@ def follow(worn: WornMotion, design: Bools, angles_deg: Sequence[float]) -> Iter
 
 
 def evaluate_motion(worn: WornMotion, design: Bools, angles_deg: Sequence[float]) -> MotionEvaluation:
-    """Energy and torque of ``design`` at each of the angles (``motion.path`` gives some), in their order.
+    """Energy and torque of a design at each of some angles, in their order.
 
+    :param worn: the garment on its body.
+    :param design: reinforced triangles, ``(triangles,)``.
+    :param angles_deg: degrees from straight, at least one; ``motion.path`` gives some.
+    :return: curves over the angles; ``converged`` is false where an equilibrium is missing.
     :raises InputError: no angle, or one that the motion does not allow.
     """
     if not len(angles_deg):
-        raise InputError("angles_deg is empty; allowed: at least one angle")
+        raise InputError("angles_deg is empty; expected at least one angle")
     found = list(follow(worn, design, angles_deg))
     return MotionEvaluation(
         np.array(angles_deg, dtype=np.float64),

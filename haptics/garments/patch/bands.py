@@ -19,7 +19,12 @@ from haptics.units import in_range
 
 @dataclass(frozen=True)
 class Band:
-    """A band at an angle from the pull; ``offset_m`` is that of its middle line from the centre."""
+    """A straight band across the square.
+
+    :param angle_deg: from the pull, degrees, anticlockwise.
+    :param width_m: m, from 0.
+    :param offset_m: of its middle line from the centre, along ``normal``, m.
+    """
 
     angle_deg: float
     width_m: float
@@ -31,7 +36,11 @@ class Band:
         return np.array([-sin(radians(self.angle_deg)), cos(radians(self.angle_deg))])
 
     def holds(self, points_m: Floats) -> Bools:
-        """Which points, ``(points, 2)``, lie in it."""
+        """Which points lie in it.
+
+        :param points_m: the points, m, ``(points, 2)``.
+        :return: true where inside or on the edge, ``(points,)``.
+        """
         return np.abs(points_m @ self.normal - self.offset_m) <= 0.5 * self.width_m
 
 
@@ -39,7 +48,12 @@ Layout = tuple[Band, ...]
 
 
 def covered(layout: Layout, side_m: float) -> float:
-    """Share of the square that a layout covers: the areas of its bands, less those of pairs, plus those of triples and so on."""
+    """Share of the square that a layout covers: the areas of its bands, less those of pairs, plus those of triples and so on.
+
+    :param layout: bands, which may cross.
+    :param side_m: of the square, m.
+    :return: 0 to 1.
+    """
     total = 0.0
     for count in range(1, len(layout) + 1):
         for bands in combinations(layout, count):
@@ -52,6 +66,8 @@ def fitted(shape: Callable[[float], Layout], coverage: float, side_m: float) -> 
 
     :param shape: the layout whose bands have a given width (m).
     :param coverage: 0 to 1.
+    :param side_m: of the square, m.
+    :return: the layout; empty for a coverage of 0.
     :raises InputError: a coverage outside 0 to 1, or more than the family can cover.
     """
     from scipy.optimize import root_scalar
@@ -66,14 +82,24 @@ def fitted(shape: Callable[[float], Layout], coverage: float, side_m: float) -> 
 
 
 def parallel(count: int, angle_deg: float, side_m: float) -> Callable[[float], Layout]:
-    """Equal bands at one angle, their middle lines evenly spread over the square's width across them."""
+    """Equal bands at one angle, their middle lines evenly spread over the square's width across them.
+
+    :param count: number of bands, from 1.
+    :param angle_deg: from the pull, degrees.
+    :param side_m: of the square, m.
+    :return: the layout by the width of its bands, m.
+    """
     across = side_m * (abs(sin(radians(angle_deg))) + abs(cos(radians(angle_deg))))
     offsets = [across * ((i + 0.5) / count - 0.5) for i in range(count)]
     return lambda width_m: tuple(Band(angle_deg, width_m, offset) for offset in offsets)
 
 
 def crossed(angle_deg: float) -> Callable[[float], Layout]:
-    """Two bands through the centre, at plus and minus an angle from the pull."""
+    """Two bands through the centre, at plus and minus an angle from the pull.
+
+    :param angle_deg: from the pull, degrees.
+    :return: the layout by the width of its bands, m.
+    """
     return lambda width_m: (Band(angle_deg, width_m), Band(-angle_deg, width_m))
 
 

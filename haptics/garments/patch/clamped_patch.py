@@ -43,10 +43,10 @@ Clamps = Literal["held", "sliding"]
 class PatchResult:
     """A pull.
 
-    :param force_n: at the right clamp, along the pull.
+    :param force_n: at the right clamp, along the pull, N.
     :param elements: triangles.
-    :param coverage: share of the patch that is reinforced.
-    :param energy_j: strain energy.
+    :param coverage: share of the patch that is reinforced, 0 to 1.
+    :param energy_j: strain energy, J.
     :param converged: whether the forces within the cloth have died out.
     """
 
@@ -60,10 +60,12 @@ class PatchResult:
 class ClampedPatch:
     """The patch between its clamps at one strain. It can be reinforced triangle by triangle (a ``Reinforceable``).
 
-    :param elements: triangles, about; 50 to 200 000.
-    :param strain: pull over side, 0 to 2.
+    :param elements: number of triangles before corners are graded, 50 to 200,000.
+    :param strain: pull over side, 0 to 2, no unit.
     :param lame: see ``Material.lame_n_m``.
     :param layout: bands whose edges the triangles follow.
+    :param cloth: of triangles without reinforcement.
+    :param reinforced: of triangles with it.
     :param clamps: ``held`` as on the bench, or ``sliding``.
     :param solver: see ``cholesky.installed_solvers``; None takes the fastest.
     :raises InputError: a number or name outside these.
@@ -103,16 +105,19 @@ class ClampedPatch:
     def pull_to(self, strain: float) -> None:
         """Move the right clamp: the next ``solve`` is there.
 
+        :param strain: pull over side, 0 to 2, no unit.
         :raises InputError: a strain outside 0 to 2.
         """
         self.strain = in_range("strain", strain, 0.0, 2.0)
 
     @property
     def triangles(self) -> Ints:
+        """Vertex numbers, ``(triangles, 3)``."""
         return self.rest.triangles
 
     @property
     def areas_m2(self) -> Floats:
+        """Area of each triangle at rest, m2, ``(triangles,)``."""
         return self.rest.areas_m2
 
     @property
@@ -126,24 +131,30 @@ class ClampedPatch:
         return np.any([band.holds(self.centres_m) for band in self._layout] or [~self.designable], axis=0)
 
     def coverage(self, design: Bools) -> float:
-        """Share of the patch that a design reinforces."""
+        """Share of the patch that a design reinforces.
+
+        :param design: reinforced triangles, ``(triangles,)``.
+        :return: 0 to 1.
+        """
         return float(self.areas_m2[design].sum() / self.areas_m2.sum())
 
     def solve(self, design: Bools, start: Floats | None = None) -> Equilibrium:
         """The equilibrium with the triangles of ``design`` reinforced.
 
-        :param design: ``(triangles,)``.
-        :param start: positions to start from, ``(vertices, 3)``; None stretches the patch evenly. The clamps are put in place.
+        :param design: reinforced triangles, ``(triangles,)``.
+        :param start: positions to start from, m, ``(vertices, 3)``, float64; None stretches the patch evenly. The clamps are put
+            in place.
+        :return: the equilibrium, or the nearest to it that was found.
         :raises InputError: arrays of the wrong shape or kind.
         """
         if design.shape != (len(self.triangles),) or design.dtype != np.bool_:
-            raise InputError(f"design is {design.dtype} of shape {design.shape}; allowed: bool of shape ({len(self.triangles)},)")
+            raise InputError(f"design is {design.dtype} of shape {design.shape}; expected bool of shape ({len(self.triangles)},)")
         even = self.rest.vertices_m * [1 + self.strain, 1.0, 1.0]
         x = even
         if start is not None:
             require_float64("start", start)
             if start.shape != even.shape or not np.isfinite(start).all():
-                raise InputError(f"start has shape {start.shape}; allowed: {even.shape}, finite")
+                raise InputError(f"start has shape {start.shape} or is not finite; expected finite numbers of shape {even.shape}")
             x = np.where(self._fixed, even, start)
         self._constants = self._lame[design.astype(np.int64)]
         solution = equilibrium(self.state, self._solver, x, TOLERANCE_N)
@@ -163,17 +174,30 @@ class ClampedPatch:
         )
 
     def clamp_forces_n(self, design: Bools, equilibrium: Equilibrium) -> tuple[float, float]:
-        """Pull of the cloth on the left and on the right clamp, along x, each as the force that the clamp must apply."""
+        """The force that each clamp must apply, along x.
+
+        :param design: reinforced triangles, ``(triangles,)``.
+        :param equilibrium: from ``solve`` with that design.
+        :return: left and right, N; the right one is positive in a pull.
+        """
         forces = self.membrane.gradient_n(equilibrium.positions_m, self._lame[design.astype(np.int64)])[:, 0]
         return float(forces[self._left].sum()), float(forces[self._right].sum())
 
     def state(self, positions_m: Floats) -> PatchState:
-        """The patch at any positions, with the design of the last ``solve``."""
+        """The patch at any positions, with the design of the last ``solve``.
+
+        :param positions_m: positions of the vertices, m, ``(vertices, 3)``.
+        :return: energy, force and stiffness there.
+        """
         return PatchState(self, positions_m)
 
 
 class PatchState:
-    """The patch at some positions: what Newton's method sees of it."""
+    """The patch at some positions: the ``State`` that Newton's method works on.
+
+    :param patch: the patch, with the design of its last ``solve``.
+    :param positions_m: positions of the vertices, m, ``(vertices, 3)``.
+    """
 
     def __init__(self, patch: ClampedPatch, positions_m: Floats):
         self._patch, self.positions_m = patch, positions_m
@@ -181,6 +205,7 @@ class PatchState:
 
     @property
     def force_n(self) -> Floats:
+        """Derivative of the energy by the positions, zero where clamped, N, ``(vertices, 3)``."""
         return self._force_n
 
     @cached_property
@@ -189,6 +214,11 @@ class PatchState:
         return np.where(patch._fixed, 0.0, patch.membrane.gradient_n(self.positions_m, patch._constants))
 
     def stiffness(self, damping_n_m3: float) -> Floats:
+        """Second derivative of the energy in the patch's pattern.
+
+        :param damping_n_m3: stiffness per area added at each vertex, N/m3; 0 adds none.
+        :return: the matrix's entries, N/m, ``(entries,)``.
+        """
         patch = self._patch
         element = patch.membrane.element_hessians_n_m(self.positions_m, patch._constants)
         vertex = np.zeros((len(self.positions_m), 3, 3))
@@ -196,14 +226,21 @@ class PatchState:
         return patch._pattern.values(element, vertex)
 
     def after(self, step_m: Floats) -> Floats:
+        """Positions after a step: their sum.
+
+        :param step_m: the step of each vertex, m, ``(vertices, 3)``.
+        :return: positions, m, ``(vertices, 3)``.
+        """
         return self.positions_m + step_m
 
 
 def layout_of(design: str, coverage: float, angle_deg: float = 0.0) -> Layout:
     """The bands of a named design that cover a share of the patch exactly; none for ``none`` and ``full``.
 
+    :param design: one of ``DESIGNS``.
     :param coverage: 0 to 1.
-    :param angle_deg: of ``strip`` and ``line`` from the pull, -90 to 90.
+    :param angle_deg: of ``strip`` and ``line`` from the pull, degrees, -90 to 90.
+    :return: the bands.
     :raises InputError: a name or number outside these.
     """
     one_of("design", design, DESIGNS)
@@ -223,12 +260,17 @@ def pull(
     elements: int = ELEMENTS,
     clamps: Clamps = "held",
 ) -> PatchResult:
-    """The force that pulls a reinforced patch apart (N).
+    """Pull a reinforced patch apart.
 
-    :param design: one of ``DESIGNS``, or a function that tells which of the points ``(points, 2)``, in metres from the centre and
-        x along the pull, are reinforced; it is asked at the triangles' centres.
+    :param design: one of ``DESIGNS``, or a function from points in metres, ``(points, 2)``, from the centre and x along the pull,
+        to whether each is reinforced, ``(points,)``; it is called with the triangles' centres.
     :param coverage: share to reinforce, 0 to 1. ``none``, ``full`` and a function have their own.
-    :param strain: 0 to 2.
+    :param strain: pull over side, 0 to 2, no unit.
+    :param lame: see ``Material.lame_n_m``.
+    :param angle_deg: of ``strip`` and ``line`` from the pull, degrees, -90 to 90.
+    :param elements: number of triangles before corners are graded, 50 to 200,000.
+    :param clamps: ``held`` as on the bench, or ``sliding``.
+    :return: force, energy and coverage.
     :raises InputError: a name or number outside these.
     """
     in_range("coverage", coverage, 0.0, 1.0)
@@ -242,7 +284,12 @@ def pull(
 
 
 def pulled(patch: ClampedPatch, design: Bools) -> PatchResult:
-    """Solve for a design and read the force at the clamp."""
+    """Solve for a design and read the force at the clamp.
+
+    :param patch: the patch at its strain.
+    :param design: reinforced triangles, ``(triangles,)``.
+    :return: force, energy and coverage.
+    """
     found = patch.solve(design)
     _, force = patch.clamp_forces_n(design, found)
     return PatchResult(force, len(patch.triangles), patch.coverage(design), found.energy_j, found.converged)

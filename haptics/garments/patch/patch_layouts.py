@@ -1,7 +1,7 @@
 """What forces a patch of the stated materials can give at all: layouts tried against the two published ones (thesis 5.6.1).
 
-The drawings of the published *Line* and *X* are not to hand. So many layouts are pulled under several readings of the text, and a
-bound says what no layout can pass.
+The drawings of the published *Line* and *X* are not available. So many layouts are pulled under several readings of the text,
+and a bound gives what no layout can exceed.
 """
 
 from __future__ import annotations
@@ -43,7 +43,12 @@ alone, on top of the cloth's 0.27 mm."""
 
 @dataclass(frozen=True)
 class Tried:
-    """A layout under a reading, and what it gave."""
+    """A layout under a reading, and what it gave.
+
+    :param family: of ``FAMILIES``.
+    :param reading: of ``READINGS``.
+    :param result: force, energy and coverage.
+    """
 
     family: str
     reading: str
@@ -53,6 +58,10 @@ class Tried:
 def layouts_tried(coverage: float = 0.4, strain: float = 0.1, elements: int = 1000) -> Iterator[Tried]:
     """Every family at a coverage, under every reading.
 
+    :param coverage: 0 to 1.
+    :param strain: pull over side, 0 to 2, no unit.
+    :param elements: number of triangles before corners are graded, 50 to 200,000.
+    :return: yields each as soon as it is solved.
     :raises InputError: numbers outside those of ``pull``.
     """
     for family in FAMILIES:
@@ -65,7 +74,12 @@ def try_layout(
 ) -> PatchResult:
     """Pull one family's layout under one reading.
 
-    :param family: of ``FAMILIES``. :param reading: of ``READINGS``.
+    :param family: one of ``FAMILIES``.
+    :param reading: one of ``READINGS``.
+    :param coverage: 0 to 1.
+    :param strain: pull over side, 0 to 2, no unit.
+    :param elements: number of triangles before corners are graded, 50 to 200,000.
+    :return: force, energy and coverage.
     :raises InputError: a name that is not among them, or numbers outside those of ``pull``.
     """
     one_of("family", family, list(FAMILIES))
@@ -88,6 +102,12 @@ def coverage_for(
 ) -> float:
     """The coverage at which a family gives a force.
 
+    :param force_n: at the clamp, N.
+    :param family: one of ``FAMILIES``.
+    :param reading: one of ``READINGS``.
+    :param strain: pull over side, 0 to 2, no unit.
+    :param elements: number of triangles before corners are graded, 50 to 200,000.
+    :return: coverage to within 5e-4, 0 to 1.
     :raises InputError: a force below that of cloth alone or above that of the full patch; names and numbers as in ``try_layout``.
     """
     from scipy.optimize import root_scalar
@@ -111,7 +131,12 @@ def max_energy_j(
     With F = diag(1 + strain, 1) every triangle has its material's W = mu/2 (s^2 - 1) - mu log s + lambda/2 (log s)^2, wherever it
     lies. While the force grows less than in proportion to the pull u, as here, the force is below 2 E / u.
 
-    :param coverage: 0 to 1. :param strain: 0 to 2.
+    :param coverage: 0 to 1.
+    :param strain: pull over side, 0 to 2, no unit.
+    :param lame: see ``Material.lame_n_m``.
+    :param cloth: of the part without reinforcement.
+    :param reinforced: of the part with it.
+    :return: energy, J.
     :raises InputError: a number outside these.
     """
     in_range("coverage", coverage, 0.0, 1.0)

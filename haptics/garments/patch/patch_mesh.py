@@ -2,7 +2,7 @@
 
 Points on the lines, a staggered lattice between them, Delaunay. Where a piece of a line is no edge of the triangulation, or an
 edge is long for its distance to a point where lines meet, it is halved and all is triangulated again: strain is singular where
-two materials meet a clamp or each other in a corner, and smaller triangles there are what accuracy costs least with.
+two materials meet a clamp or each other in a corner, and smaller triangles there are the cheapest gain in accuracy.
 """
 
 from __future__ import annotations
@@ -30,6 +30,9 @@ def patch_mesh(layout: Layout, side_m: float, elements: int) -> SurfaceMesh:
     """The square, centred on the origin in the plane z = 0, of ``elements`` triangles and those that grading adds.
 
     :param layout: bands whose edges the triangles follow.
+    :param side_m: of the square, m.
+    :param elements: number of triangles before grading.
+    :return: a flat mesh whose edges follow the bands', m.
     :raises InputError: bands so thin, or so nearly meeting, that no triangulation follows them.
     """
     from scipy.spatial import Delaunay, KDTree
@@ -64,11 +67,11 @@ def patch_mesh(layout: Layout, side_m: float, elements: int) -> SurfaceMesh:
         free = np.concatenate([free, 0.5 * (a[halve] + b[halve])])
         if done and not halve.any():
             return _oriented(points, triangles)
-    raise InputError(f"no triangulation follows the edges of {layout}; allowed: bands that are wider, or farther apart")
+    raise InputError(f"no triangulation follows the edges of {layout}; make the bands wider, or set them farther apart")
 
 
 def _keys(ends: Ints, points: int) -> Ints:
-    """One number for each pair of point numbers, whichever way round."""
+    """One number for each pair of point numbers, in either order."""
     return ends.min(axis=1) * points + ends.max(axis=1)
 
 
@@ -87,7 +90,7 @@ def _lines(layout: Layout, half: float) -> list[Segment]:
 
 
 def _reach(base: Floats, along: Floats, half: float) -> float:
-    """How far a line goes from ``base`` before it leaves the square for good; the two ways may add up to nothing."""
+    """How far a line goes from ``base`` before it leaves the square for good; the two reaches may add up to nothing."""
     reach = np.inf
     for i in range(2):
         if abs(along[i]) > 1e-12:

@@ -53,6 +53,7 @@ class Panel:
 
     @property
     def is_disc(self) -> bool:
+        """Whether it can be laid flat: one boundary loop and no hole."""
         return self.euler == 1 and len(self.loops) == 1
 
 
@@ -71,7 +72,11 @@ class Cloth:
 
     @classmethod
     def uncut(cls, mesh: SurfaceMesh) -> Cloth:
-        """The garment without a seam."""
+        """The garment without a seam.
+
+        :param mesh: the garment.
+        :return: one panel, if the garment is one piece.
+        """
         return cls(mesh, np.arange(len(mesh.triangles)), np.zeros((0, 2), np.int64))
 
     @cached_property
@@ -98,16 +103,23 @@ class Cloth:
         return Panel(SurfaceMesh(self.mesh.vertices_m[origin], local.reshape(-1, 3), self.mesh.name), origin, faces)
 
     def corners_of(self, panel: Panel, values: Floats, where: Bools | None = None) -> Floats:
-        """Values at a panel's vertices as values at the cloth's triangle corners: NaN elsewhere and outside ``where``."""
+        """Values at a panel's vertices as values at the cloth's triangle corners: NaN elsewhere and outside ``where``.
+
+        :param panel: one of ``panels``.
+        :param values: any value at its vertices, ``(panel's vertices,)``.
+        :param where: the panel's triangles that get values, ``(panel's triangles,)``; None: all.
+        :return: values, ``(triangles, 3)``.
+        """
         corners = np.full(self.mesh.triangles.shape, np.nan)
         kept = np.ones(len(panel.faces), bool) if where is None else where
         corners[panel.faces[kept]] = values[panel.mesh.triangles[kept]]
         return corners
 
     def cut(self, level: Floats) -> tuple[Cloth, Ints]:
-        """The cloth with one more seam, the zero line of ``level``, and for each of its triangles the one it was before.
+        """The cloth with one more seam, the zero line of ``level``.
 
         :param level: values at the corners of the triangles, ``(triangles, 3)``; NaN where the line does not go.
+        :return: the cloth, and for each of its triangles the one it was before, ``(triangles,)``.
         :raises InputError: the line crosses nothing.
         """
         level = _led_through_vertices(self.mesh.triangles, level)
@@ -117,12 +129,16 @@ class Cloth:
         seams = [half for edge in self.seams.tolist() for half in _halves(edge, splits)]
         new = _between_sides(triangles, sides)
         if not len(new):
-            raise InputError(f"{self.mesh.name}: a seam crosses no triangle; allowed: a line through the cloth")
+            raise InputError(f"{self.mesh.name}: the seam crosses no triangle; expected a line through the cloth")
         both = np.unique(np.sort(np.vstack([np.array(seams, np.int64).reshape(-1, 2), new]), axis=1), axis=0)
         return Cloth(mesh, self.parents[parents], both), parents
 
     def cut_along(self, edges: Ints) -> Cloth:
-        """The cloth with these edges of its own cut as well, ``(edges, 2)``."""
+        """The cloth with some of its own edges cut as well.
+
+        :param edges: vertex numbers of each, ``(edges, 2)``.
+        :return: the cloth.
+        """
         return Cloth(self.mesh, self.parents, np.unique(np.sort(np.vstack([self.seams, edges]), axis=1), axis=0))
 
 

@@ -15,6 +15,8 @@ COLOURS = {REINFORCEMENT: 1, CLOTH: 7, SEAMS: 3, MARKS: 8, TEXT: 8}
 def dxf_bytes(sheet: Sheet) -> bytes:
     """The file's content; the same sheet gives the same bytes.
 
+    :param sheet: what to write.
+    :return: DXF text, R2010, in mm.
     :raises InputError: ezdxf is missing.
     """
     ezdxf = _ezdxf()

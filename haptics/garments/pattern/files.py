@@ -13,13 +13,17 @@ from haptics.recording.output import refuse_existing, replacing
 
 
 def write_pattern(pattern: Pattern, folder: Path, stem: str, force: bool = False) -> list[Path]:
-    """Each sheet as ``stem.svg`` and ``stem.dxf`` (``stem-2.svg`` and so on for more sheets); the paths written.
+    """Each sheet as ``stem.svg`` and ``stem.dxf`` (``stem-2.svg`` and so on for more sheets).
 
+    :param pattern: what to write.
+    :param folder: must exist.
+    :param stem: the files' name without ending and without folders.
     :param force: overwrite files that exist.
+    :return: the paths written.
     :raises InputError: no such folder, a file exists, a panel does not fit the sheet, or ezdxf is missing.
     """
     if not stem or Path(stem).name != stem:
-        raise InputError(f"file name {stem!r} is not allowed; allowed: a name without folders")
+        raise InputError(f"stem = {stem!r} is not a file name; expected a name without folders")
     contents: dict[Path, bytes] = {}
     for number, sheet in enumerate(lay_out(pattern), start=1):
         name = stem if number == 1 else f"{stem}-{number}"

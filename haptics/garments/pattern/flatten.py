@@ -44,9 +44,11 @@ class Distortion:
 
 
 def flatten(disc: SurfaceMesh, settled: float = SETTLED) -> Floats:
-    """Flat positions of a disc's vertices as seen from outside, ``(vertices, 2)``, m; the total area is kept.
+    """Flat positions of a disc's vertices as seen from outside; the total area is kept.
 
+    :param disc: a panel with one boundary loop and no hole.
     :param settled: end when no stretch changes by more than this in three iterations.
+    :return: positions, m, ``(vertices, 2)``.
     :raises InputError: libigl is missing, the mesh is not a disc, or triangles are flipped.
     """
     igl = libigl()
@@ -62,13 +64,18 @@ def flatten(disc: SurfaceMesh, settled: float = SETTLED) -> Floats:
     if flipped:
         raise InputError(
             f"{disc.name}: {flipped} of {len(disc.triangles)} triangles are flipped when laid flat; "
-            "allowed: none (a finer mesh or more panels may help)"
+            "a finer mesh or more panels may help"
         )
     return flat * unit_m
 
 
 def gradients(disc: SurfaceMesh, flat_m: Floats) -> Floats:
-    """d(flat)/d(body) in each triangle, ``(triangles, 2, 2)``; columns: along its edge 01, and across."""
+    """d(flat)/d(body) in each triangle; columns: along its edge 01, and across.
+
+    :param disc: the panel in space.
+    :param flat_m: its flat positions, m, ``(vertices, 2)``.
+    :return: gradients, no unit, ``(triangles, 2, 2)``.
+    """
     a, b, c = (disc.vertices_m[disc.triangles[:, i]] for i in range(3))
     along = np.linalg.norm(b - a, axis=1)
     shift = np.einsum("ij,ij->i", c - a, b - a) / along
@@ -80,7 +87,12 @@ def gradients(disc: SurfaceMesh, flat_m: Floats) -> Floats:
 
 
 def distortion(disc: SurfaceMesh, flat_m: Floats) -> Distortion:
-    """How far the map from ``disc`` to ``flat_m`` is from keeping all lengths."""
+    """How far the map from ``disc`` to ``flat_m`` is from keeping all lengths.
+
+    :param disc: the panel in space.
+    :param flat_m: its flat positions, m, ``(vertices, 2)``.
+    :return: errors of lengths and areas, no unit.
+    """
     gradient = gradients(disc, flat_m)
     stretches = np.linalg.svd(gradient, compute_uv=False)
     change = np.abs(np.linalg.det(gradient) - 1)
@@ -104,7 +116,7 @@ def _boundary(disc: SurfaceMesh) -> list[int]:
     if euler != 1 or len(loop) != len(following):
         raise InputError(
             f"{disc.name}: a panel with Euler number {euler} and {len(following)} boundary edges, {len(loop)} of them "
-            "in one loop, cannot be laid flat; allowed: a disc (Euler number 1, one loop)"
+            "in one loop, cannot be laid flat; expected a disc (Euler number 1, one loop)"
         )
     return loop
 

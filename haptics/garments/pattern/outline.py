@@ -2,7 +2,7 @@
 
 The zigzag goes by a smoothing spline: of all curves near the mesh edges the one with
 
-    sum |x - x_mesh|^2 + l^4 integral |x''|^2  least,
+    sum |x - x_mesh|^2 + l^4 integral |x''|^2  minimal,
 
 which damps waves shorter than about six l and leaves longer ones. Points on the panel's own outline stay, so that reinforcement
 meets across a seam. Then each loop is moved along its normal until it bounds the area that it had.
@@ -34,9 +34,9 @@ FEATURE_ROUNDING = 1.0
 class Reinforcement:
     """What to cut from the reinforcing sheet for one panel, in the panel's flat coordinates, m.
 
-    :param polygons: with holes; outer rings anticlockwise.
-    :param mesh_area_m2: area of the flat reinforced triangles.
-    :param smoothing_m: smoothing length that was used; 0 where only the mesh's edges do not cross.
+    :param polygons: with holes; outer rings anticlockwise, m.
+    :param mesh_area_m2: area of the flat reinforced triangles, m2.
+    :param smoothing_m: smoothing length that was used, m; 0 where only the mesh's edges do not cross.
     """
 
     polygons: tuple[shapely.Polygon, ...]
@@ -45,13 +45,17 @@ class Reinforcement:
 
     @property
     def area_m2(self) -> float:
+        """Area of all polygons, m2."""
         return float(sum(polygon.area for polygon in self.polygons))
 
 
 def reinforcement(flat: FlatPanel, reinforced: Bools, smoothing_m: float) -> Reinforcement:
-    """Outlines of a panel's reinforced triangles, ``(triangles,)``.
+    """Outlines of a panel's reinforced triangles.
 
-    :param smoothing_m: the l above; about the mesh's edge length takes its zigzag away.
+    :param flat: the panel laid flat.
+    :param reinforced: its reinforced triangles, ``(triangles,)``.
+    :param smoothing_m: the l of the module's formula, m; about the mesh's edge length takes its zigzag away, 0 leaves it.
+    :return: the outlines, with the smoothing that kept area and shape.
     """
     corners = flat.flat_m[flat.panel.mesh.triangles[reinforced]]
     merged = shapely.coverage_union_all(shapely.polygons(corners)) if len(corners) else shapely.MultiPolygon()
@@ -69,7 +73,12 @@ def reinforcement(flat: FlatPanel, reinforced: Bools, smoothing_m: float) -> Rei
 
 
 def too_narrow(polygons: tuple[shapely.Polygon, ...], width_m: float) -> list[tuple[float, float]]:
-    """Middles of the places where polygons are narrower than ``width_m``, m."""
+    """Middles of the places where polygons are narrower than a width.
+
+    :param polygons: outlines, m.
+    :param width_m: smallest width, m, above 0.
+    :return: positions, m, sorted.
+    """
     radius = width_m / 2
     places: list[tuple[float, float]] = []
     for polygon in polygons:
@@ -80,7 +89,12 @@ def too_narrow(polygons: tuple[shapely.Polygon, ...], width_m: float) -> list[tu
 
 
 def with_allowance(flat: FlatPanel, allowance_m: float) -> Floats:
-    """The line to cut the cloth along, ``(points, 2)``, m: the panel's outline, and round it an allowance for the seams."""
+    """The line to cut the cloth along: the panel's outline, and an allowance for the seams around it.
+
+    :param flat: the panel laid flat.
+    :param allowance_m: width of the allowance, m, from 0.
+    :return: a closed line without its last point, m, ``(points, 2)``.
+    """
     outline = shapely.Polygon(flat.flat_m[flat.panel.loops[0]])
     wider = outline.buffer(allowance_m, join_style="mitre", mitre_limit=2.0) if allowance_m else outline
     return np.asarray(shapely.orient_polygons(wider).exterior.coords)[:-1]

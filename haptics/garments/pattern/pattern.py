@@ -28,6 +28,8 @@ class PatternOptions:
     :param seam_side: where a tube's seam goes, seen from its axis.
     :param up: laid upwards on the sheet, marked by the arrow from ``down_label`` to ``up_label``; None takes (0, 0, 1), or on a
         tube the direction from its lower opening to its upper.
+    :param up_label: printed at the arrow's head.
+    :param down_label: printed at its tail.
     :param max_distortion: panels with a larger root mean square error of lengths are halved, 0.001 to 1.
     :param max_panels: as long as there are fewer than this, 1 to 26.
     :param smoothing_m: smoothing length of the reinforcement's outline, 0 (none) to 0.1; None takes the mean edge of the mesh.
@@ -60,7 +62,7 @@ class PatternOptions:
         for name in ("front", "seam_side", *(("up",) if self.up is not None else ())):
             direction = np.asarray(getattr(self, name), float)
             if direction.shape != (3,) or not np.isfinite(direction).all() or not np.linalg.norm(direction) > 0:
-                raise InputError(f"{name} = {getattr(self, name)!r} is not allowed; allowed: three finite numbers, not all 0")
+                raise InputError(f"{name} = {getattr(self, name)!r} is not a direction; expected three finite numbers, not all 0")
         in_range("max_distortion", self.max_distortion, 0.001, 1.0)
         in_range("max_panels", self.max_panels, 1, len(ascii_uppercase))
         if self.smoothing_m is not None:
@@ -74,7 +76,11 @@ class PatternOptions:
 
 
 def direction(vector: tuple[float, float, float]) -> Floats:
-    """The unit vector along ``vector``."""
+    """The unit vector along a vector.
+
+    :param vector: not all zero.
+    :return: ``(3,)``.
+    """
     return np.asarray(vector, float) / np.linalg.norm(vector)
 
 
@@ -84,9 +90,9 @@ class PatternPanel:
 
     :param name: A, B, ...
     :param flat: the panel and its flat vertices, with the distortion.
-    :param parents: for each triangle that of the garment.
-    :param reinforced: reinforced triangles of the panel.
-    :param outline_m: line to cut the cloth along, ``(points, 2)``.
+    :param parents: for each triangle that of the garment, ``(triangles,)``.
+    :param reinforced: reinforced triangles of the panel, ``(triangles,)``.
+    :param outline_m: line to cut the cloth along, m, ``(points, 2)``.
     :param cut: what to cut from the reinforcing sheet.
     :param narrow: places narrower than the cutter's smallest feature.
     """
@@ -102,13 +108,18 @@ class PatternPanel:
 
 @dataclass(frozen=True, eq=False)
 class SeamSide:
-    """One of the two edges that a seam joins: on which panel, and where, ``(points, 2)``, m."""
+    """One of the two edges that a seam joins.
+
+    :param panel: index of its panel in the pattern.
+    :param points_m: line on the flat panel, m, ``(points, 2)``.
+    """
 
     panel: int
     points_m: Floats
 
     @property
     def length_m(self) -> float:
+        """Length of the line, m."""
         return float(np.linalg.norm(np.diff(self.points_m, axis=0), axis=1).sum())
 
 
@@ -116,8 +127,10 @@ class SeamSide:
 class Seam:
     """Two edges to sew together; point k of one side meets point k of the other.
 
-    :param along_m: distance on the body from the seam's start to each point.
-    :param notches_m: distances on the body at which notches are.
+    :param number: from 1, as printed at its notches.
+    :param along_m: distance on the body from the seam's start to each point, m, ``(points,)``.
+    :param sides: the two edges; point k of one is sewn to point k of the other.
+    :param notches_m: distances on the body at which notches are, m, ``(notches,)``.
     """
 
     number: int
@@ -127,10 +140,15 @@ class Seam:
 
     @property
     def length_m(self) -> float:
+        """Length on the body, m."""
         return float(self.along_m[-1])
 
     def notches(self, side: SeamSide) -> Floats:
-        """Where the notches are on a side, ``(notches, 2)``, m."""
+        """Where the notches are on a side.
+
+        :param side: one of ``sides``.
+        :return: positions on the flat panel, m, ``(notches, 2)``.
+        """
         return np.stack([np.interp(self.notches_m, self.along_m, side.points_m[:, i]) for i in range(2)], axis=1)
 
 
@@ -138,7 +156,12 @@ class Seam:
 class Pattern:
     """All panels and seams of one garment and design.
 
-    :param reinforced_area_m2: on the body.
+    :param name: the garment's.
+    :param labels: printed on the sheet, by their names.
+    :param options: how it was made.
+    :param panels: pieces to cut, named A, B, ...
+    :param seams: which edges are sewn together.
+    :param reinforced_area_m2: area of the reinforcement on the body, m2.
     """
 
     name: str
@@ -165,20 +188,24 @@ def make_pattern(
 ) -> Pattern:
     """The pattern of a garment in its rest shape, with a design pressed on.
 
+    :param rest: the garment without stretch.
     :param design: reinforced triangles, ``(triangles,)``.
-    :param labels: printed on the sheet: body, motion, coverage, and the like.
+    :param name: printed on the sheet.
+    :param labels: printed on the sheet: body, motion, coverage, and the like; None prints none.
+    :param options: how to cut and lay out; None takes the defaults.
+    :return: panels, seams and the outlines to cut.
     :raises InputError: a design of another length; a label that cannot be printed; a garment that cannot be cut into discs or
         laid flat; a package is missing.
     """
     options, labels = options or PatternOptions(), labels or {}
     if design.shape != (len(rest.triangles),) or design.dtype != np.bool_:
         raise InputError(
-            f"{name}: the design is {design.dtype} of shape {design.shape}; allowed: bool, one a triangle, "
+            f"{name}: the design is {design.dtype} of shape {design.shape}; expected bool, one for each triangle, "
             f"({len(rest.triangles)},)"
         )
     for text in (name, *labels, *labels.values(), options.up_label, options.down_label):
         if not text.isprintable():
-            raise InputError(f"label {text!r} is not allowed; allowed: text on one line without control characters")
+            raise InputError(f"label {text!r} cannot be printed; expected text on one line without control characters")
     front, side = direction(options.front), direction(options.seam_side)
     up = _upwards(rest) if options.up is None else direction(options.up)
     cloth, flats = cut_to_fit(rest, design, front, side, options.max_distortion, options.max_panels)

@@ -3,7 +3,7 @@
 A tube (sleeve, knee sleeve) gets one seam between its two openings, on the side that is asked for and clear of the
 reinforcement. A garment with more openings (shirt, shorts) is parted into front and back, as tailors do: along the sides, over
 the shoulders, under the arms, between the legs. A panel that still cannot be laid flat within the bound is halved, across or
-along, where that helps most.
+along, whichever lowers its distortion further.
 """
 
 from __future__ import annotations
@@ -38,13 +38,18 @@ WORTH_A_SEAM = 0.9
 
 @dataclass(frozen=True, eq=False)
 class FlatPanel:
-    """A panel and where its vertices lie on the table, ``(vertices, 2)``, m."""
+    """A panel and where its vertices lie on the table.
+
+    :param panel: the piece in space.
+    :param flat_m: its flat positions, m, ``(vertices, 2)``.
+    """
 
     panel: Panel
     flat_m: Floats
 
     @cached_property
     def distortion(self) -> Distortion:
+        """Errors of lengths and areas."""
         return distortion(self.panel.mesh, self.flat_m)
 
     @cached_property
@@ -61,11 +66,13 @@ def cut_to_fit(
 ) -> tuple[Cloth, list[FlatPanel]]:
     """The garment cut into panels, each laid flat.
 
+    :param garment: one piece with at least one opening.
     :param design: reinforced triangles, which seams of tubes keep clear of, ``(triangles,)``.
-    :param front: direction that the wearer faces, ``(3,)``.
-    :param seam_side: direction from a tube's axis to where its seam should be, ``(3,)``.
-    :param max_distortion: halve panels whose root mean square error of lengths is above this, while there are fewer than
-        ``max_panels``.
+    :param front: unit vector in the direction that the wearer faces, ``(3,)``.
+    :param seam_side: unit vector from a tube's axis to where its seam should be, ``(3,)``.
+    :param max_distortion: panels whose root mean square error of lengths is above this are halved.
+    :param max_panels: panels are halved while there are fewer than this.
+    :return: the cloth with its seams, and its panels laid flat.
     :raises InputError: more than one piece, handles, no opening, or a panel that cannot be laid flat.
     """
     cloth = Cloth.uncut(garment)
@@ -80,7 +87,7 @@ def cut_to_fit(
     over = [i for i, panel in enumerate(panels) if np.isinf(panel.error)]
     if over:
         raise InputError(
-            f"{garment.name}: {len(over)} of {len(panels)} panels lie over themselves when flat; allowed: none "
+            f"{garment.name}: {len(over)} of {len(panels)} panels overlap themselves when flat "
             f"(more than {max_panels} panels may help)"
         )
     return cloth, panels
@@ -88,12 +95,12 @@ def cut_to_fit(
 
 def _openings(garment: SurfaceMesh, cloth: Cloth) -> int:
     if len(cloth.panels) != 1:
-        raise InputError(f"{garment.name}: it is in {len(cloth.panels)} pieces; allowed: 1")
+        raise InputError(f"{garment.name}: it is in {len(cloth.panels)} pieces; expected one")
     whole = cloth.panels[0]
     openings = len(whole.loops)
     if openings < 1 or whole.euler != 2 - openings:
         raise InputError(
-            f"{garment.name}: {openings} openings and Euler number {whole.euler}; allowed: at least 1 opening, "
+            f"{garment.name}: {openings} openings and Euler number {whole.euler}; expected at least 1 opening, "
             "and the Euler number 2 - openings (no handles)"
         )
     return openings

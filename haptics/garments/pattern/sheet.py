@@ -27,7 +27,12 @@ WIDTH_OF_LETTER = 0.62
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """Lines of one thing: rings of a polygon (outer anticlockwise, holes clockwise), or one open line. Each ``(points, 2)``."""
+    """One line or outline on a sheet.
+
+    :param layer: one of ``LAYERS``.
+    :param lines: rings of a polygon (outer anticlockwise, holes clockwise), or one open line; mm, ``(points, 2)`` each.
+    :param closed: whether the last point is joined to the first.
+    """
 
     layer: str
     lines: tuple[Floats, ...]
@@ -36,7 +41,14 @@ class Shape:
 
 @dataclass(frozen=True)
 class Text:
-    """A line of text about its middle (``anchor`` middle) or from its lower left (start)."""
+    """A line of text.
+
+    :param text: what is printed.
+    :param x_mm: horizontal position of the anchor, mm.
+    :param y_mm: baseline, mm.
+    :param height_mm: of its capitals, mm.
+    :param anchor: ``middle``: about its middle; ``start``: from its lower left.
+    """
 
     text: str
     x_mm: float
@@ -47,7 +59,14 @@ class Text:
 
 @dataclass(eq=False)
 class Sheet:
-    """One sheet of material with everything drawn on it."""
+    """One sheet of material with everything drawn on it.
+
+    :param title: of the file.
+    :param width_mm: of the sheet, mm.
+    :param height_mm: of the sheet, mm.
+    :param shapes: lines and outlines, in drawing order.
+    :param texts: lines of text.
+    """
 
     title: str
     width_mm: float
@@ -58,20 +77,31 @@ class Sheet:
 
 @dataclass(frozen=True, eq=False)
 class Placed:
-    """A panel on a sheet: ``flat @ turn * 1000 + shift``."""
+    """A panel on a sheet: ``flat @ turn * 1000 + shift``.
+
+    :param number: index of the panel in the pattern.
+    :param turn: rotation or reflection, ``(2, 2)``.
+    :param shift_mm: mm, ``(2,)``.
+    """
 
     number: int
     turn: Floats
     shift_mm: Floats
 
     def at(self, points_m: Floats) -> Floats:
-        """Points of the panel, ``(points, 2)``, m, on the sheet, mm."""
+        """Points of the panel on the sheet.
+
+        :param points_m: on the flat panel, m, ``(points, 2)``.
+        :return: on the sheet, mm, ``(points, 2)``.
+        """
         return points_m @ self.turn * MM_PER_M + self.shift_mm
 
 
 def lay_out(pattern: Pattern) -> list[Sheet]:
     """The sheets for a pattern: panels on shelves, the tallest first, as many on a sheet as fit its length.
 
+    :param pattern: what to lay out.
+    :return: at least one sheet.
     :raises InputError: a panel that is wider or longer than the sheet; the message gives the sizes.
     """
     options = pattern.options
@@ -133,7 +163,7 @@ def _fitted(panel: PatternPanel, room_mm: Floats, mirrored: bool) -> tuple[Float
     size = np.ptp(upright, axis=0)
     raise InputError(
         f"panel {panel.name} is {size[0]:.0f} x {size[1]:.0f} mm; allowed on this sheet: {room_mm[0]:.0f} x {room_mm[1]:.0f} mm "
-        "within the margins, either way round (a wider sheet or more panels may help)"
+        "within the margins, upright or turned by 90 degrees (a wider sheet or more panels may help)"
     )
 
 
@@ -180,9 +210,9 @@ def _draw(sheet: Sheet, pattern: Pattern, place: Placed) -> None:
     panel = pattern.panels[place.number]
     for polygon in panel.cut.polygons:
         rings = [np.asarray(ring.coords)[:-1] for ring in (polygon.exterior, *polygon.interiors)]
-        # A mirrored ring runs the other way; outer rings stay anticlockwise.
-        way = 1 if np.linalg.det(place.turn) > 0 else -1
-        sheet.shapes.append(Shape(REINFORCEMENT, tuple(place.at(ring[::way]) for ring in rings), True))
+        # A mirrored ring runs in the other direction; outer rings stay anticlockwise.
+        step = 1 if np.linalg.det(place.turn) > 0 else -1
+        sheet.shapes.append(Shape(REINFORCEMENT, tuple(place.at(ring[::step]) for ring in rings), True))
     sheet.shapes.append(Shape(CLOTH, (place.at(panel.outline_m),), True))
     for seam in pattern.seams:
         for side in seam.sides:
@@ -210,7 +240,7 @@ def _notches(sheet: Sheet, place: Placed, seam: Seam, side: SeamSide) -> None:
 
 
 def _name_and_arrow(sheet: Sheet, pattern: Pattern, place: Placed, panel: PatternPanel) -> None:
-    """The panel's name and which way is up, where the cloth is widest free of reinforcement."""
+    """The panel's name and an arrow upwards, where the cloth is widest free of reinforcement."""
     cloth = shapely.Polygon(panel.flat.flat_m[panel.flat.panel.loops[0]])
     free = cloth.difference(shapely.union_all(panel.cut.polygons))
     # Where reinforcement covers the panel whole, the marks lie on it.

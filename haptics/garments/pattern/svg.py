@@ -19,7 +19,11 @@ STYLES = {
 
 
 def svg_bytes(sheet: Sheet) -> bytes:
-    """The file's content; the same sheet gives the same bytes."""
+    """The file's content; the same sheet gives the same bytes.
+
+    :param sheet: what to write.
+    :return: SVG text in UTF-8.
+    """
     ET.register_namespace("", SVG)
     ET.register_namespace("inkscape", INKSCAPE)
     width, height = _number(sheet.width_mm), _number(sheet.height_mm)

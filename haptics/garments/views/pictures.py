@@ -34,7 +34,7 @@ PIXELS = 420
 SHOWN = 6
 """Designs in the picture of the sequence."""
 BRIGHTEST = 0.98
-"""This quantile of the energy density, by area, has the highest colour; a few triangles would else take all contrast."""
+"""This quantile of the energy density, by area, has the highest colour; otherwise a few triangles would take all contrast."""
 _STYLE: dict[str, Any] = {
     "font.size": 10,
     "axes.edgecolor": FAINT,
@@ -46,7 +46,10 @@ _STYLE: dict[str, Any] = {
 
 
 def why_no_pictures() -> str | None:
-    """What to install where pictures cannot be drawn; None where they can."""
+    """What to install where pictures cannot be drawn; None where they can.
+
+    :return: a sentence for people, or None.
+    """
     try:
         import matplotlib  # noqa: F401
     except ImportError as error:
@@ -55,7 +58,15 @@ def why_no_pictures() -> str | None:
 
 
 def draw_sequence(worn: WornMotion, sequence: DesignSequence, path: Path, force: bool = False) -> Path:
-    """Designs from full coverage to the one asked for, on the straight body from front and back, with coverage and density."""
+    """Designs from full coverage to the one asked for, on the straight body from front and back, with coverage and density.
+
+    :param worn: the garment on its body.
+    :param sequence: the designs.
+    :param path: a PNG file.
+    :param force: overwrite a file that exists.
+    :return: the path written.
+    :raises InputError: matplotlib is not installed, or ``path`` exists and ``force`` is not given.
+    """
     _need_matplotlib()
     straight_m = worn.body.straight_m
     upto = sequence.steps[: sequence.steps.index(sequence.final) + 1]
@@ -81,7 +92,13 @@ def draw_density(
 ) -> Path:
     """Energy density by step with coverage as bars behind it: the axes of the published figures 5.7 to 5.9.
 
-    :param baselines: densities of hand-drawn designs of the same area, by their names.
+    :param sequence: the designs.
+    :param baselines: densities of hand-drawn designs of the same area by their names, no unit; None leaves one out.
+    :param title: printed above.
+    :param path: a PNG file.
+    :param force: overwrite a file that exists.
+    :return: the path written.
+    :raises InputError: matplotlib is not installed, or ``path`` exists and ``force`` is not given.
     """
     chosen = sequence.steps.index(sequence.final)
     number = np.arange(len(sequence.steps))
@@ -119,7 +136,15 @@ def draw_energy(
 ) -> Path:
     """The design and its energy on the body at the end of the motion, from front and back.
 
-    :param positions_m: the equilibrium, ``(vertices, 3)``. :param element_energy_j: ``(triangles,)``.
+    :param worn: the garment on its body.
+    :param design: reinforced triangles, ``(triangles,)``.
+    :param positions_m: the equilibrium, m, ``(vertices, 3)``.
+    :param element_energy_j: strain energy of each triangle, J, ``(triangles,)``.
+    :param title: printed above.
+    :param path: a PNG file.
+    :param force: overwrite a file that exists.
+    :return: the path written.
+    :raises InputError: matplotlib is not installed, or ``path`` exists and ``force`` is not given.
     """
     _need_matplotlib()
     from matplotlib import colormaps
@@ -148,7 +173,15 @@ def draw_energy(
 
 
 def draw_motion(evaluations: Mapping[str, MotionEvaluation], title: str, path: Path, force: bool = False) -> Path:
-    """Energy and joint torque by angle, one curve a design."""
+    """Energy and joint torque by angle, one curve for each design.
+
+    :param evaluations: at least one, up to four, by the design's name.
+    :param title: printed above.
+    :param path: a PNG file.
+    :param force: overwrite a file that exists.
+    :return: the path written.
+    :raises InputError: matplotlib is not installed, or ``path`` exists and ``force`` is not given.
+    """
     with _figure((9.0, 3.8)) as figure:
         energy, torque = figure.subplots(1, 2)
         for (name, found), colour in zip(evaluations.items(), (DENSITY_COLOUR, LINE_COLOUR, X_COLOUR, EQ65_COLOUR), strict=False):
@@ -167,20 +200,35 @@ def draw_motion(evaluations: Mapping[str, MotionEvaluation], title: str, path: P
 
 
 def design_colours(worn: WornMotion, design: Bools) -> Floats:
-    """Colours of the triangles: reinforced, held to the body, or neither, ``(triangles, 3)``."""
+    """Colours of the triangles: reinforced, held to the body, or neither.
+
+    :param worn: the garment on its body.
+    :param design: reinforced triangles, ``(triangles,)``.
+    :return: red, green, blue, 0 to 1, ``(triangles, 3)``.
+    """
     colours = np.where(worn.garment.attached[:, None], BAND_COLOUR, CLOTH_COLOUR)
     return np.where(design[:, None], REINFORCED_COLOUR, colours)
 
 
 def brightest(density_j_m2: Floats, areas_m2: Floats) -> float:
-    """The density that 98 % of the area are below."""
+    """The density that 98 % of the area are below.
+
+    :param density_j_m2: energy by area, J/m2, ``(triangles,)``.
+    :param areas_m2: m2, ``(triangles,)``.
+    :return: J/m2, at least 1e-12.
+    """
     order = np.argsort(density_j_m2)
     below = np.cumsum(areas_m2[order]) / areas_m2.sum()
     return max(float(density_j_m2[order][np.searchsorted(below, BRIGHTEST)]), 1e-12)
 
 
 def spread_out(coverages: Sequence[float], count: int) -> list[int]:
-    """Numbers of up to ``count`` steps, first and last among them, whose coverages fall by equal factors."""
+    """Numbers of some steps, first and last among them, whose coverages fall by equal factors.
+
+    :param coverages: of all steps, in their order, at least one.
+    :param count: the largest number of steps to choose.
+    :return: sorted step numbers, at most ``count``.
+    """
     wanted = np.geomspace(coverages[0], coverages[-1], min(count, len(coverages)))
     nearest = [int(np.argmin(np.abs(np.asarray(coverages) - each))) for each in wanted]
     return sorted({*nearest[:-1], len(coverages) - 1})

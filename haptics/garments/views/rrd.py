@@ -26,9 +26,14 @@ _SKIN_COLOUR = np.rint(255 * SKIN).astype(np.uint8)
 def write_motion_rrd(worn: WornMotion, found: MotionEvaluation, path: Path, force: bool = False) -> Path:
     """Write a design's motion: the body, the garment coloured by its energy, energy and joint torque by angle.
 
-    Colours run from no energy (dark violet) to the density that 98 % of the cloth is below at its most stretched (yellow), alike
-    for all angles.
+    Colours run from no energy (dark violet) to the density that 98 % of the cloth is below at its maximum over the angles
+    (yellow), alike for all angles.
 
+    :param worn: the garment on its body.
+    :param found: the design over the motion.
+    :param path: an .rrd file.
+    :param force: overwrite a file that exists.
+    :return: the path written.
     :raises InputError: rerun is not installed, or ``path`` exists and ``force`` is not given.
     :raises HapticsError: rerun cannot write the file.
     """
@@ -68,12 +73,12 @@ class _Writer:
         """By the mean density of the triangles round a vertex, ``(vertices, 3)`` for each angle."""
         rest = self._worn.simulation.rest
         densities = [state.element_energy_j / rest.areas_m2 for state in self._found.equilibria]
-        most = max(brightest(density, rest.areas_m2) for density in densities)
+        highest = max(brightest(density, rest.areas_m2) for density in densities)
         corners = rest.triangles.ravel()
         out = []
         for state in self._found.equilibria:
             energy = np.bincount(corners, np.repeat(state.element_energy_j / 3, 3), minlength=len(rest.vertices_m))
-            share = np.clip(energy / rest.vertex_areas_m2 / most, 0.0, 1.0)[:, None]
+            share = np.clip(energy / rest.vertex_areas_m2 / highest, 0.0, 1.0)[:, None]
             out.append(np.rint((1 - share) * LOWEST_COLOUR + share * HIGHEST_COLOUR).astype(np.uint8))
         return out
 

@@ -15,17 +15,18 @@ Pixels = NDArray[np.float64]
 SAMPLES = 3
 """Rays along a pixel's side: edges are smooth."""
 DARKEST = 0.55
-"""Of a colour, where the surface turns away from the light: a colour bar can still be read."""
+"""Share of a colour left where the surface turns away from the light: a colour bar can still be read."""
 
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """Where one looks from.
+    """The direction and frame of a picture.
 
-    :param azimuth_deg: from straight in front of a body that faces -y, positive towards its left.
-    :param elevation_deg: from the horizon.
-    :param centre_m: what is in the middle, ``(3,)``.
-    :param width_m, height_m: what is seen.
+    :param azimuth_deg: degrees from straight in front of a body that faces -y, positive towards its left.
+    :param elevation_deg: degrees above the horizon.
+    :param centre_m: what is in the middle, m, ``(3,)``.
+    :param width_m: of the frame, m.
+    :param height_m: of the frame, m.
     """
 
     azimuth_deg: float
@@ -47,8 +48,9 @@ class View:
 class Painted:
     """A mesh and its colours.
 
+    :param mesh: the surface.
     :param colours: red, green, blue, 0 to 1: ``(triangles, 3)``.
-    :param lift_m: drawn as if it were this much nearer to the viewer: cloth lies on skin, in parts a little below it.
+    :param lift_m: drawn as if it were this much nearer to the viewer, m: cloth lies on skin, in parts a little below it.
     """
 
     mesh: SurfaceMesh
@@ -57,7 +59,14 @@ class Painted:
 
 
 def framed(points_m: Floats, azimuth_deg: float, elevation_deg: float, margin: float = 0.06) -> View:
-    """The view from a direction that just holds all points, ``(points, 3)``, with a margin."""
+    """The view from a direction that just holds all points, with a margin.
+
+    :param points_m: m, ``(points, 3)``.
+    :param azimuth_deg: as in ``View``.
+    :param elevation_deg: as in ``View``.
+    :param margin: on each side, as a part of the points' extent, no unit.
+    :return: the view.
+    """
     axes = View(azimuth_deg, elevation_deg, np.zeros(3), 1.0, 1.0).axes
     seen = points_m @ axes.T
     low, high = seen.min(axis=0), seen.max(axis=0)
@@ -66,7 +75,13 @@ def framed(points_m: Floats, azimuth_deg: float, elevation_deg: float, margin: f
 
 
 def shaded(things: Sequence[Painted], view: View, pixels_per_m: float) -> Pixels:
-    """The picture, ``(rows, columns, 4)``: red, green, blue and opacity, 0 to 1."""
+    """The meshes as a picture.
+
+    :param things: what is drawn; the nearest is seen.
+    :param view: direction and frame.
+    :param pixels_per_m: resolution, 1/m.
+    :return: red, green, blue and opacity, 0 to 1, ``(rows, columns, 4)``.
+    """
     rows, columns = (max(1, round(size * pixels_per_m)) for size in (view.height_m, view.width_m))
     fine = SAMPLES * pixels_per_m
     picture = np.zeros((SAMPLES * rows, SAMPLES * columns, 4))
