@@ -1,7 +1,7 @@
 """A scene of one's own, fed by an engine's poses: a fingertip taps on a drum, whose skin answers with a pattern of pins.
 
-An engine calls ``submit`` whenever it has a pose and ``tick`` each millisecond, on whatever clock the glove runs; here that
-is virtual time, and the engine is a sine.
+An engine calls ``submit`` whenever it has a pose, on whatever clock the glove runs; here that is virtual time, and the engine is
+a sine.
 """
 
 import math
@@ -25,8 +25,7 @@ effects = [
     { kind = "pattern", pattern = "radial", lasts = "stimulus", duration_s = 0.25 },
 ]
 """
-TICK_NS = 1_000_000
-TICKS_PER_POSE = 11  # a tracker at about 90 Hz
+POSE_S = 0.011  # a tracker at about 90 Hz
 
 
 def poses():
@@ -34,9 +33,8 @@ def poses():
     hand = next(haptics.load_hand("synthetic").frames("right"))
     lowest_m = hand.position_m[:, 1].min()
     for number in range(90):
-        time_ns = number * TICKS_PER_POSE * TICK_NS
-        height_m = 0.08 + 0.04 * math.cos(4.0 * math.pi * time_ns / 1e9)
-        yield replace(hand, time_ns=time_ns, position_m=hand.position_m + np.array([0.0, height_m - lowest_m, 0.0]))
+        height_m = 0.08 + 0.04 * math.cos(4.0 * math.pi * number * POSE_S)
+        yield replace(hand, position_m=hand.position_m + np.array([0.0, height_m - lowest_m, 0.0]))
 
 
 with tempfile.TemporaryDirectory() as folder:
@@ -44,22 +42,15 @@ with tempfile.TemporaryDirectory() as folder:
     path.write_text(SCENE)
     scene = haptics.load_scene(path)
 
-configuration = haptics.load_configuration(None)
-glove = haptics.Glove(configuration.tactiles, None, realtime=False)  # this scene needs no brake
-session = haptics.Session(scene, glove, configuration)
-try:
+with haptics.open(tactiles="sim://tactiles", clock="virtual") as glove:  # this scene needs no brake
+    session = haptics.Session(scene, glove)
     glove.arm()
-    start_ns = now_ns = glove.now_ns()
-    session.begin(start_ns)
+    session.begin()
+    start_ns = glove.now_ns()
     for pose in poses():
-        session.submit(replace(pose, time_ns=start_ns + pose.time_ns), now_ns)
-        for _ in range(TICKS_PER_POSE):
-            now_ns += TICK_NS
-            session.tick(now_ns)
-finally:
-    glove.off()
-    session.settle()
-    glove.close()
+        session.submit(replace(pose, time_ns=glove.now_ns()))
+        glove.advance(POSE_S)
+    session.end()
 
 for event in session.events:
     print(f"{(event.time_ns - start_ns) / 1e9:6.3f} s  {event.kind:8} {event.subject} {event.object}")

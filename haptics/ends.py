@@ -27,7 +27,10 @@ _DEFAULTS = (signal.SIG_DFL, signal.default_int_handler)
 class Ended(KeyboardInterrupt):
     """The process was asked to end.
 
-    :ivar signal_name: ``SIGINT`` (Ctrl-C), ``SIGTERM``, ``SIGHUP``. :ivar exit_code: 128 and the signal's number.
+    :param number: of the signal.
+
+    :ivar signal_name: ``SIGINT`` (Ctrl-C), ``SIGTERM``, ``SIGHUP``.
+    :ivar exit_code: 128 and the signal's number.
     """
 
     def __init__(self, number: int):
@@ -63,7 +66,10 @@ unbroken = _Unbroken()
 @contextmanager
 def undisturbed() -> Iterator[None]:
     """Whatever asks to end meanwhile is heard when this is left, in a program or a script: for what a library in C calls back,
-    where an exception brings the process down instead of unwinding it."""
+    where an exception brings the process down instead of unwinding it.
+
+    :return: a context manager.
+    """
     with orderly(), unbroken:
         yield
 
@@ -75,7 +81,9 @@ def orderly() -> Iterator[None]:
     A signal that the program handles itself, or ignores (``nohup``), stays as it is; nested in another ``orderly``, or in
     another thread, this does nothing. Who leaves by ``Ended`` is handed the same signal once more, as it would have come
     without this: a script that was ended by SIGTERM still ends by SIGTERM, only after its glove went off. What the exception
-    has to say goes to standard error before that.
+    reports goes to standard error before that.
+
+    :return: a context manager.
     """
     raised_s: float | None = None
     over, late = False, None
@@ -116,7 +124,10 @@ def orderly() -> Iterator[None]:
 
 def say(error: BaseException) -> None:
     """A line on standard error for what ended a program and for each note that it carries; then for what a signal ended in its
-    turn, as one may come while a lost link is dealt with."""
+    turn, as one may come while a lost link is dealt with.
+
+    :param error: what ended it.
+    """
     with suppress(OSError, ValueError):  # nobody may be listening any more
         for line in (str(error) or type(error).__name__, *getattr(error, "__notes__", ())):
             print(f"haptics: {line}", file=sys.stderr)

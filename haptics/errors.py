@@ -1,4 +1,4 @@
-"""One tree of errors. Every message names the thing, the value seen, and what is allowed.
+"""One tree of errors. Every message names the thing, the value seen, and what to do or what is expected.
 
 ``InputError`` is a ``ValueError``: something a caller handed in cannot be used.
 ``LinkError`` and its children: trouble on the wire, with the port, the command and what was seen.
@@ -15,7 +15,7 @@ class HapticsError(Exception):
 
 
 class InputError(HapticsError, ValueError):
-    """An argument or a file cannot be used; the message says which, its value, and what is allowed."""
+    """An argument or a file cannot be used; the message names it, its value, and what is expected."""
 
 
 class LimitError(HapticsError):
@@ -68,7 +68,7 @@ class PortBusy(LinkError):
 
 
 class NotABoard(LinkError):
-    """Something answers, or nothing does, but no haptics board was found behind the port."""
+    """No haptics board was found behind the port: something else answers, or nothing does."""
 
 
 class WrongFirmware(LinkError):
@@ -76,7 +76,14 @@ class WrongFirmware(LinkError):
 
 
 class CommandRefused(LinkError):
-    """The board answered a command with a status other than ok."""
+    """The board answered a command with a status other than ok.
+
+    :param port: the port's URL or path.
+    :param seen: what was observed, in words.
+    :param command: the command's name.
+    :param status: the board's, in lower case, such as ``interlock``.
+    :param advice: what a person can do about it.
+    """
 
     def __init__(self, port: str, seen: str, command: str, status: str, advice: str | None = None):
         self.status = status

@@ -18,28 +18,45 @@ LATEST_NS = 1 << 62
 
 
 def seconds_to_ns(seconds: float) -> int:
-    """Seconds as integer nanoseconds, rounded to nearest."""
+    """Seconds as integer nanoseconds.
+
+    :param seconds: s, of either sign.
+    :return: ns, rounded to nearest.
+    """
     return round(seconds * NS_PER_S)
 
 
 class Clock(Protocol):
-    """Something that tells the time in nanoseconds and never goes back."""
+    """Something that has the time in nanoseconds and never goes back."""
 
-    def now_ns(self) -> int: ...
+    def now_ns(self) -> int:
+        """The time.
+
+        :return: ns, from a start of the clock's own.
+        """
+        ...
 
 
 class VirtualClock:
-    """A clock that moves only when told to."""
+    """A clock that moves only when it is moved.
+
+    :param start_ns: what it shows at first, ns.
+    """
 
     def __init__(self, start_ns: int = 0):
         self._now_ns = start_ns
 
     def now_ns(self) -> int:
+        """The time.
+
+        :return: ns.
+        """
         return self._now_ns
 
     def advance_to(self, to_ns: int) -> None:
-        """Move to ``to_ns``.
+        """Move forward.
 
+        :param to_ns: to this time, ns.
         :raises InputError: ``to_ns`` lies in the past.
         """
         if to_ns < self._now_ns:
@@ -51,4 +68,8 @@ class MonotonicClock:
     """The machine's monotonic clock."""
 
     def now_ns(self) -> int:
+        """The time.
+
+        :return: ns, from a start of the machine's own; it stands while the machine sleeps.
+        """
         return _time.monotonic_ns()

@@ -16,8 +16,14 @@ STANDARD_GRAVITY_M_S2 = 9.80665
 
 
 def in_range(name: str, value: float, low: float, high: float, unit: str = "") -> float:
-    """``value`` as a float if ``low <= value <= high``.
+    """A number in a range, both ends included; text that reads as a number is taken.
 
+    :param name: of the argument as the caller typed it, for the message.
+    :param value: what was handed in.
+    :param low: smallest value allowed, in ``unit``; ``-math.inf`` for any.
+    :param high: largest value allowed, in ``unit``; ``math.inf`` for any.
+    :param unit: for the message, such as ``V``; none if empty.
+    :return: the value as a float, in ``unit``.
     :raises InputError: not a number, not finite, or outside the range; the message names all of it.
     """
     try:
@@ -25,13 +31,19 @@ def in_range(name: str, value: float, low: float, high: float, unit: str = "") -
     except (TypeError, ValueError, OverflowError) as error:
         raise InputError(f"{name} = {brief(value)} is not a number; allowed: {_span(low, high, unit)}") from error
     if not math.isfinite(number) or not low <= number <= high:
-        raise InputError(f"{name} = {number:g}{_suffix(unit)} is not allowed; allowed: {_span(low, high, unit)}")
+        raise InputError(f"{name} = {_outside(number, low, high)}{_suffix(unit)}; allowed {_span(low, high, unit)}")
     return number
 
 
 def number(name: str, value: object, low: float, high: float, unit: str = "") -> float:
     """As ``in_range``, of what is a number already: text that reads as one, a truth value or an array is refused too.
 
+    :param name: of the argument as the caller typed it, for the message.
+    :param value: what was handed in.
+    :param low: smallest value allowed, in ``unit``.
+    :param high: largest value allowed, in ``unit``.
+    :param unit: for the message; none if empty.
+    :return: the value as a float, in ``unit``.
     :raises InputError: not a real number, not finite, or outside the range.
     """
     if isinstance(value, bool) or not isinstance(value, Real):
@@ -40,46 +52,61 @@ def number(name: str, value: object, low: float, high: float, unit: str = "") ->
 
 
 def whole_number(name: str, value: object, low: int, high: int, unit: str = "") -> int:
-    """``value`` as an int if it is a whole number in the range.
+    """A whole number in a range, both ends included.
 
+    :param name: of the argument as the caller typed it, for the message.
+    :param value: what was handed in.
+    :param low: smallest value allowed, in ``unit``.
+    :param high: largest value allowed, in ``unit``.
+    :param unit: for the message; none if empty.
+    :return: the value as an int.
     :raises InputError: not an integer (2.0 is none, nor is True), or outside the range.
     """
     if isinstance(value, bool) or not isinstance(value, Integral):
         raise InputError(f"{name} = {brief(value)} is not a whole number; allowed: {_span(low, high, unit)}")
     if not low <= int(value) <= high:
-        raise InputError(f"{name} = {brief(int(value))}{_suffix(unit)} is not allowed; allowed: {_span(low, high, unit)}")
+        raise InputError(f"{name} = {brief(int(value))}{_suffix(unit)}; allowed {_span(low, high, unit)}")
     return int(value)
 
 
 def file_path(name: str, value: object) -> Path:
-    """``value`` as a path, if it is text or a path: an integer would be taken for an open file.
+    """A path from text or a path: an integer would be taken for an open file.
 
-    :raises InputError: something else, or with a zero byte in it.
+    :param name: of the argument as the caller typed it, for the message.
+    :param value: what was handed in.
+    :return: the path; whether a file is there is not looked at.
+    :raises InputError: something else, empty, or with a zero byte in it.
     """
     if not isinstance(value, (str, os.PathLike)):
-        raise InputError(f"{name} = {brief(value)} is no file's name; allowed: text, or a path")
+        raise InputError(f"{name} = {brief(value)} is no file name; expected text or a path")
     path = Path(value)  # type: ignore[arg-type]
     if not str(value):  # which would be the folder one is in
-        raise InputError(f"{name} = {brief(value)} is empty; allowed: a file's name")
+        raise InputError(f"{name} = {brief(value)} is empty; expected a file name")
     if "\0" in str(path):
-        raise InputError(f"{name} = {brief(value)} has a zero byte in it; allowed: a file's name")
+        raise InputError(f"{name} = {brief(value)} has a zero byte in it; expected a file name")
     return path
 
 
 def an_instance(name: str, value: object, kind: type, how: str) -> None:
-    """Nothing, if ``value`` is a ``kind``.
+    """Check what a value is.
 
+    :param name: of the argument as the caller typed it, for the message.
+    :param value: what was handed in.
+    :param kind: what it has to be.
     :param how: how one gets such a thing, for the message.
-    :raises InputError: it is not.
+    :raises InputError: it is something else.
     """
     if not isinstance(value, kind):
-        raise InputError(f"{name} = {brief(value)} is a {type(value).__name__}; allowed: a {kind.__name__}, {how}")
+        raise InputError(f"{name} = {brief(value)} is of type {type(value).__name__}; expected a {kind.__name__}, {how}")
 
 
 def truth(name: str, value: object) -> bool:
-    """``value`` as a bool, if it is one: text and numbers are not, ``"false"`` would count as true.
+    """A truth value, which text and numbers are not: ``"false"`` would count as true.
 
-    :raises InputError: it is not.
+    :param name: of the argument as the caller typed it, for the message.
+    :param value: what was handed in.
+    :return: the value as a bool.
+    :raises InputError: neither a bool nor numpy's.
     """
     if not isinstance(value, bool) and type(value).__name__ != "bool":  # numpy's own, which is no subclass
         raise InputError(f"{name} = {brief(value)} is no truth value; allowed: True, False")
@@ -87,21 +114,28 @@ def truth(name: str, value: object) -> bool:
 
 
 def a_callable(name: str, value: object, arguments: str) -> None:
-    """Nothing, if ``value`` can be called.
+    """Check that a value can be called.
 
+    :param name: of the argument as the caller typed it, for the message.
+    :param value: what was handed in.
+    :param arguments: what it will be called with, in words, for the message.
     :raises InputError: it cannot.
     """
     if not callable(value):
-        raise InputError(f"{name} = {brief(value)} cannot be called; allowed: a function of {arguments}")
+        raise InputError(f"{name} = {brief(value)} cannot be called; expected a function of {arguments}")
 
 
-def one_of(name: str, value: object, allowed: tuple[str, ...] | list[str]) -> str:
-    """``value`` if it is one of ``allowed``.
+def one_of(name: str, value: object, allowed: Sequence[str]) -> str:
+    """A name out of a few.
 
-    :raises InputError: it is not; the message lists what is.
+    :param name: of the argument as the caller typed it, for the message.
+    :param value: what was handed in.
+    :param allowed: the names.
+    :return: the value.
+    :raises InputError: it is none of them; the message lists them, and the nearest.
     """
     if not isinstance(value, str) or value not in allowed:
-        raise InputError(f"{name} = {brief(value)} is not allowed; allowed: {', '.join(allowed)}")
+        raise InputError(f"{name} = {brief(value)} is not allowed; allowed: {', '.join(allowed)}{nearest(value, allowed)}")
     return value
 
 
@@ -117,12 +151,22 @@ def nearest(value: object, known: Sequence[str]) -> str:
 
 
 def brief(value: object) -> str:
-    """A value that was handed in, for a message that names it: its ``repr`` on one line of at most 60 characters."""
+    """A value that was handed in, for a message that names it.
+
+    :param value: anything, also what fails to show itself.
+    :return: its ``repr`` on one line of at most 60 characters.
+    """
     try:
         text = " ".join(repr(value).split("\n"))
     except Exception:  # Python shows no integer of over 4300 digits, and an object's own repr may fail
         return f"a {type(value).__name__} that cannot be shown"
     return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def _outside(number: float, low: float, high: float) -> str:
+    """A number that is outside a range, with as many digits as show that it is."""
+    short = f"{number:g}"
+    return f"{number!r}" if low <= float(short) <= high else short
 
 
 def _suffix(unit: str) -> str:

@@ -32,7 +32,7 @@ from haptics.recording.ending import finish, keep
 from haptics.recording.leftovers import journal_of, refuse_leftover
 from haptics.recording.output import check_outputs
 from haptics.session.configuration import Configuration
-from haptics.session.glove import Glove
+from haptics.session.devices import Devices
 from haptics.session.recorder import LinkRecorder, provenance
 from haptics.time import NS_PER_MS, NS_PER_S, seconds_to_ns
 from haptics.units import in_range
@@ -143,7 +143,7 @@ class Bench:
         self._exits = contextlib.ExitStack()
         self._exits.enter_context(orderly())
         try:
-            self.glove = Glove(
+            self.glove = Devices(
                 part if board == "tactiles" else None,
                 part if board == "brake" else None,
                 realtime=not self.simulated,

@@ -9,9 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import cast
 
 from haptics.devices.pace import COMMAND_LEAD_NS
-from haptics.devices.result import Result
+from haptics.devices.result import Reason, Result, ResultKind
 from haptics.errors import ClockUncertain, InputError
 from haptics.link.commands import Pending, status_name
 from haptics.link.connection import Link
@@ -19,8 +20,8 @@ from haptics.time import NS_PER_MS, seconds_to_ns
 from haptics.units import in_range
 
 LONGEST_PIEZO_S = 1.0
-"""The longest that a piezo is asked to vibrate at a time."""
-_KINDS = {"drive": "brake", "piezo": "piezo"}
+"""The longest time that a piezo is asked to vibrate at once, s."""
+_KINDS: dict[str, ResultKind] = {"drive": "brake", "piezo": "piezo"}
 """A result's kind, by the command's name."""
 
 
@@ -45,7 +46,12 @@ class _Command:
 
 @dataclass(frozen=True, slots=True)
 class Refusal:
-    """A command that the board did not carry out, or did not get: ``unarmed``."""
+    """A command that the board did not carry out, or did not get.
+
+    :param command: ``drive`` or ``piezo``.
+    :param reason: the board's status, ``unarmed``, ``clock``, or what is wrong with the link, in words.
+    :param sent_ns: when it was to be sent, ns.
+    """
 
     command: str
     reason: str
@@ -57,9 +63,12 @@ class BrakeDriver:
 
     :param link: link with a brake board.
     :param channels: what each output drives, in channel order.
-    :param frequency_hz: bipolar square wave, Hz.
-    :param ttl_s: life of one drive command, s; refreshed at a third of it.
-    :param max_amplitude_v: refused above this, V. :param max_frequency_hz: likewise, Hz.
+    :param frequency_hz: of the bipolar square wave, 0.1 Hz to ``max_frequency_hz``.
+    :param ttl_s: life of one drive command, 0.01 to 60 s; refreshed at a third of it.
+    :param max_amplitude_v: volts above this are refused, V.
+    :param max_frequency_hz: likewise, Hz.
+
+    :ivar commands: commands tried so far, refused or not.
     """
 
     def __init__(
@@ -86,7 +95,6 @@ class BrakeDriver:
         self._replies: list[tuple[_Command, Pending]] = []
         self._answers: list[tuple[Refusal | None, list[Result]]] = []
         self.commands = 0
-        """Commands tried so far, refused or not."""
 
     def engage(
         self,
@@ -96,8 +104,12 @@ class BrakeDriver:
         ttl_s: float | None = None,
         frequency_hz: float | None = None,
     ) -> None:
-        """Volts on one output, as soon as possible, until :meth:`release`, or for ``ttl_s``; refused while ``unarmed``.
+        """Volts on one output, as soon as possible; refused while ``unarmed``.
 
+        :param name: of the output.
+        :param amplitude_v: 0 to ``max_amplitude_v``. Outputs that are on together share the highest.
+        :param now_ns: ns on the link's clock.
+        :param ttl_s: how long it is held, 1 ms to 60 s; until :meth:`release` if None.
         :param frequency_hz: of the square wave; the driver's own if None. Outputs that are on together share the highest.
         :raises InputError: unknown output, volts outside 0 to the limit, or a frequency outside 0.1 Hz to the limit.
         """
@@ -117,6 +129,8 @@ class BrakeDriver:
     def release(self, name: str, now_ns: int) -> None:
         """Zero volts on one output.
 
+        :param name: of the output.
+        :param now_ns: ns on the link's clock.
         :raises InputError: unknown output.
         """
         index = self._index_of(name)
@@ -126,7 +140,10 @@ class BrakeDriver:
             self._plan_end()
 
     def release_all(self, now_ns: int) -> None:
-        """Zero volts everywhere."""
+        """Zero volts everywhere.
+
+        :param now_ns: ns on the link's clock.
+        """
         if self._holds:
             for index in list(self._unsent):
                 self._give_up(index, "superseded")
@@ -137,6 +154,10 @@ class BrakeDriver:
     def piezo(self, names: Sequence[str], duration_s: float, now_ns: int, at_ns: int | None = None) -> None:
         """Vibrate the fingertip piezos of these outputs' fingers (0.3 s when a grasp begins; thesis 4.6.1), unless ``unarmed``.
 
+        :param names: of the outputs.
+        :param duration_s: 1 ms to ``LONGEST_PIEZO_S``.
+        :param now_ns: ns on the link's clock.
+        :param at_ns: when it is to begin, ns; as soon as possible if None or too near.
         :raises InputError: unknown output, or a duration outside 1 ms to 1 s.
         """
         mask = sum(1 << self._index_of(name) for name in names)
@@ -150,7 +171,10 @@ class BrakeDriver:
         self._send(command, mask, duration_ms)
 
     def set_armed(self, armed: bool) -> None:
-        """The board was armed, or is no longer. Either way nothing is wanted, and no answer is waited for any more."""
+        """The board was armed, or is no longer. Either way nothing is wanted, and no answer is waited for any more.
+
+        :param armed: whether it is armed now.
+        """
         self._read_replies()
         for command, _ in self._replies:
             self._answered(command, "unarmed")
@@ -162,7 +186,10 @@ class BrakeDriver:
         self._armed = armed
 
     def tick(self, now_ns: int) -> None:
-        """Send changes and refreshes that are due, and note refusals."""
+        """Send changes and refreshes that are due, and note refusals.
+
+        :param now_ns: ns on the link's clock.
+        """
         if self._next_end_ns is not None and now_ns >= self._next_end_ns:
             self._holds = {i: h for i, h in self._holds.items() if h.until_ns is None or h.until_ns > now_ns}
             for index in [i for i in self._unsent if i not in self._holds]:
@@ -175,21 +202,36 @@ class BrakeDriver:
             self._read_replies()
 
     def take_refusals(self) -> list[Refusal]:
-        """Commands refused, by the board or as unarmed, or never answered, since the last call of this or ``take_results``."""
-        answers, self._answers = self._answers, []
-        return [refusal for refusal, _ in answers if refusal is not None]
+        """As :meth:`take_answers`, where only refusals are of interest.
+
+        :return: commands refused since any of these three was called last.
+        """
+        return self.take_answers()[0]
 
     def take_results(self) -> list[Result]:
-        """What became of calls, since the last call of this or ``take_refusals``.
+        """As :meth:`take_answers`, where only results are of interest.
+
+        :return: results since any of these three was called last.
+        """
+        return self.take_answers()[1]
+
+    def take_answers(self) -> tuple[list[Refusal], list[Result]]:
+        """What became of commands and of the calls that they served, each once.
 
         Every :meth:`engage` gives one result for its output, every :meth:`piezo` one for each, sooner or later; an output that
         was held gives another where it could not go on being held.
+
+        :return: commands refused, by the board or as unarmed, or never answered; and results of calls.
         """
         answers, self._answers = self._answers, []
-        return [result for _, results in answers for result in results]
+        refusals = [refusal for refusal, _ in answers if refusal is not None]
+        return refusals, [result for _, results in answers for result in results]
 
     def engaged(self) -> dict[str, float]:
-        """Output name to volts, for those that are wanted on. The bus has the highest of them."""
+        """Outputs that are wanted on. The bus has the highest of their volts.
+
+        :return: volts by output name.
+        """
         return {self.channels[i]: hold.amplitude_v for i, hold in self._holds.items()}
 
     @property
@@ -199,7 +241,7 @@ class BrakeDriver:
 
     def _index_of(self, name: str) -> int:
         if name not in self._index:
-            raise InputError(f"brake = {name!r} is unknown; allowed: {', '.join(self.channels)}")
+            raise InputError(f"brake = {name!r} is unknown; this glove has: {', '.join(self.channels)}")
         return self._index[name]
 
     def _decihertz(self, frequency_hz: float) -> int:
@@ -238,20 +280,20 @@ class BrakeDriver:
             if not pending.done:
                 waiting.append((command, pending))
             elif pending.error is not None:
-                self._answered(command, str(pending.error))
+                self._answered(command, "unknown", str(pending.error))
             else:
                 self._answered(command, None if pending.ok else status_name(pending.status))
         self._replies = waiting
 
-    def _answered(self, command: _Command, reason: str | None) -> None:
+    def _answered(self, command: _Command, reason: str | None, in_words: str | None = None) -> None:
         """What a command came to: results of those who asked; where it was refused, of all that it was for."""
-        played, kind = reason is None, _KINDS[command.name]
+        played, kind, why = reason is None, _KINDS[command.name], cast(Reason | None, reason)
         results = [
             Result(
                 name,
                 kind,
                 played,
-                reason,
+                why,
                 command.sent_ns if asked_ns is None else asked_ns,
                 command.start_ns if played else None,
             )
@@ -259,11 +301,11 @@ class BrakeDriver:
             if not played or asked_ns is not None
         ]
         if reason is not None:
-            self._answers.append((Refusal(command.name, reason, command.sent_ns), results))
+            self._answers.append((Refusal(command.name, in_words or reason, command.sent_ns), results))
         elif results:
             self._answers.append((None, results))
 
-    def _give_up(self, index: int, reason: str) -> None:
+    def _give_up(self, index: int, reason: Reason) -> None:
         """A hold of which no command spoke will not be."""
         asked_ns = self._unsent.pop(index, None)
         if asked_ns is not None:

@@ -14,7 +14,12 @@ from haptics.time import seconds_to_ns
 
 
 class CoilCommands:
-    """Commands on their way. A request, known by its token, may need several; one command may serve several requests."""
+    """Commands on their way. A request, known by its token, may need several; one command may serve several requests.
+
+    :param link: with a tactiles board.
+
+    :ivar busy_until_ns: when the last coil pulse sent so far ends.
+    """
 
     def __init__(self, link: Link):
         self._link = link
@@ -24,7 +29,6 @@ class CoilCommands:
         self._replies: list[tuple[Pending, list[CoilPulse]]] = []
         self._ends = CoilEnds()
         self.busy_until_ns = 0
-        """When the last coil pulse sent so far ends."""
 
     @property
     def idle(self) -> bool:
@@ -32,7 +36,11 @@ class CoilCommands:
         return not self._replies
 
     def send(self, pulses: Sequence[CoilPulse], now_ns: int) -> None:
-        """Pulses with a common start share a command; where the clock is not known well enough they are refused, ``clock``."""
+        """Pulses with a common start share a command; where the clock is not known well enough they are refused, ``clock``.
+
+        :param pulses: in any order, each with its request's token.
+        :param now_ns: ns on the link's clock.
+        """
         together: dict[int, list[CoilPulse]] = {}
         for pulse in pulses:
             together.setdefault(pulse.start_ns, []).append(pulse)
@@ -57,7 +65,10 @@ class CoilCommands:
             self._replies.append((pending, group))
 
     def read(self) -> list[int]:
-        """Take in what was answered; tokens whose commands are all answered now."""
+        """Take in what was answered.
+
+        :return: tokens of requests whose commands are all answered now.
+        """
         done, waiting = [], []
         for pending, group in self._replies:
             if not pending.done:
@@ -69,21 +80,35 @@ class CoilCommands:
         return done
 
     def give_up(self) -> list[int]:
-        """Wait for no answer any more: what became of those commands is ``unknown``. Returns their tokens."""
+        """Wait for no answer any more: what became of those commands is ``unknown``.
+
+        :return: their requests' tokens.
+        """
         replies, self._replies = self._replies, []
         return [token for _, group in replies for pulse in group for token in self._answered(pulse, "unknown")]
 
     def waits_for(self, token: int) -> bool:
-        """Some command of this request has no answer yet."""
+        """Whether a request is still open.
+
+        :param token: the request's.
+        :return: True if some command of it has no answer yet.
+        """
         return token in self._open
 
     def take_refusal(self, token: int) -> str | None:
-        """Why the board did not carry out all of a request; None if it did. Forgotten with that."""
+        """Why the board did not carry out all of a request. Forgotten with that.
+
+        :param token: the request's.
+        :return: the reason, or None if it did.
+        """
         return self._refused.pop(token, None)
 
     def take_last(self, token: int) -> tuple[int, bool | None] | None:
-        """When the last stroke ends that a board took of a request, and whether it was toward the skin, None if nobody knows
-        that it plays; None if the board took none of them. Forgotten with that.
+        """The last stroke that a board took of a request. Forgotten with that.
+
+        :param token: the request's.
+        :return: when it ends (ns), and whether it goes toward the skin, None where nobody knows that it plays; None altogether if
+            the board took no stroke.
         """
         return self._taken.pop(token, None)
 

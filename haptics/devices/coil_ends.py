@@ -25,9 +25,11 @@ class CoilEnds:
         self._ends: dict[int, int] = {}
 
     def start(self, ticks: int, durations: Mapping[int, int]) -> int:
-        """When a command for ``ticks`` has to start (u32), so that on none of its coils it cuts into the stroke ahead.
+        """When a command has to start, so that on none of its coils it cuts into the stroke ahead.
 
-        :param durations: of the command's coils, in units of the message.
+        :param ticks: wanted start in board ticks (u32).
+        :param durations: by coil, in the message's unit of 50 us.
+        :return: start in board ticks (u32), at most 100 us later.
         """
         overlap = max((signed_ticks(self._ends[coil], ticks) for coil in durations if coil in self._ends), default=0)
         if 0 < overlap <= _LONGEST_OVERLAP:

@@ -16,16 +16,21 @@ _REMEMBERED = 5
 
 
 class TickSpacing:
-    """The time from tick to tick: the median of the last five, so that one late tick is not taken for a slow loop."""
+    """The time from tick to tick: the median of the last five, so that one late tick is not taken for a slow loop.
+
+    :ivar ns: the spacing, 0 before there were three of them.
+    """
 
     def __init__(self) -> None:
         self._last_ns: int | None = None
         self._spacings_ns: deque[int] = deque(maxlen=_REMEMBERED)
         self.ns = 0
-        """The spacing, 0 before there were three of them."""
 
     def observe(self, now_ns: int) -> None:
-        """A tick at ``now_ns``."""
+        """There was a tick.
+
+        :param now_ns: when, ns.
+        """
         last_ns, self._last_ns = self._last_ns, now_ns
         if last_ns is None:
             return

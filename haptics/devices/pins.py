@@ -1,4 +1,4 @@
-"""Where the pins are, by what boards said they did; never by what was asked of them."""
+"""Where the pins are, by what boards acknowledged; never by what was asked of them."""
 
 from __future__ import annotations
 
@@ -29,11 +29,20 @@ class Pin:
         return bool(self._under_way)
 
     def ask(self, token: int, out: bool) -> None:
-        """A stroke was asked for."""
+        """A stroke was asked for.
+
+        :param token: of the request.
+        :param out: toward the skin.
+        """
         self._under_way[token] = out
 
     def settle(self, token: int, played: bool | None, ends_ns: int) -> None:
-        """A stroke's result; None for ``played``: nobody knows. ``ends_ns`` orders strokes, whichever was answered first."""
+        """A stroke's result.
+
+        :param token: of the request.
+        :param played: None if nobody knows.
+        :param ends_ns: when it ends, ns; orders strokes, whichever was answered first.
+        """
         out = self._under_way.pop(token)
         if played is False or ends_ns < self._ended_ns:
             return
@@ -42,15 +51,21 @@ class Pin:
             self._ended_ns = ends_ns
 
     def pulsed(self, back: bool, ends_ns: int) -> None:
-        """What a board took of a pulse or a burst ends then. ``back``: for sure with a stroke back, as it should.
+        """A board took a pulse or a burst, or part of one.
 
         A pin that was out before is not brought in by that: its stroke back may be too short.
+
+        :param back: it ends for sure with a stroke back, as it should.
+        :param ends_ns: when it ends, ns.
         """
         self._pulsed_ns = max(self._pulsed_ns, ends_ns)
         if not back and ends_ns >= self._ended_ns:
             self.out = None
 
     def doubt(self, from_ns: int) -> None:
-        """Strokes that end after ``from_ns`` may not have played."""
+        """Late strokes may not have played.
+
+        :param from_ns: those that end after this, ns.
+        """
         if max(self._ended_ns, self._pulsed_ns) > from_ns:
             self.out = None

@@ -8,25 +8,35 @@ disarmed, all of it is denied and forgotten, and nothing of it plays after the n
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import cast
 
 from haptics.devices.coil_commands import CoilCommands
 from haptics.devices.pace import COMMAND_LEAD_NS, SHORTEST_LEAD_NS, TickSpacing
 from haptics.devices.pins import Pin
-from haptics.devices.result import Result
+from haptics.devices.result import Reason, Result, ResultKind
 from haptics.errors import InputError
 from haptics.link.connection import Link
 from haptics.physics.latch.pulse import PULSE_BACK_S, PULSE_TOWARD_S, TRAIN_BACK_S, TRAIN_TOWARD_S
 from haptics.scheduling import CoilLimits, CoilPulse, Outcome, Priority, Request, Scheduler, Stroke, ThermalBudget
 from haptics.time import NS_PER_MS, seconds_to_ns
+from haptics.units import nearest
 
+_KINDS: dict[Priority, ResultKind] = {
+    Priority.RELEASE: "release",
+    Priority.CONTACT: "contact",
+    Priority.PULSE: "pulse",
+    Priority.BURST: "burst",
+}
 WORTH_ANOTHER_TRY = ("late", "full", "clock", "company", "unknown")
 """A pin that a board did not move for one of these reasons, or perhaps did not, is asked to move again, as long as that is still
 wanted."""
 RELEASE_AGAIN_NS = {"hot": 250 * NS_PER_MS}
 """A release is asked for again for these reasons too, after this long: a pin is not left out."""
+MAX_CYCLES = 10
+"""Of a burst: 50 ms (thesis 3.5.2)."""
 _STROKES_OF_PINS = (Priority.CONTACT, Priority.RELEASE)
 TELLING_NS = 50 * NS_PER_MS
-"""A board that disarmed itself has said so after this long, by telemetry at the latest: later strokes may not have played."""
+"""A board that disarmed itself has reported it after this long, by telemetry at the latest: later strokes may not have played."""
 
 
 class TactilesDriver:
@@ -34,9 +44,11 @@ class TactilesDriver:
 
     :param link: link with a tactiles board.
     :param sites: site of each channel, in channel order.
-    :param limits: current limit and coil current.
+    :param limits: current limit and coil current, A, and each coil's power, W.
     :param budgets: thermal budget of each channel.
-    :param contact_pulse_s: coil time of a contact or release, s (at most 10 ms; thesis 3.4.3).
+    :param contact_pulse_s: coil time of a contact or release, 50 us to 10 ms (thesis 3.4.3).
+
+    :ivar overdue: pulses asked for when their time had passed: their loop was ticked too seldom.
     """
 
     def __init__(
@@ -68,20 +80,26 @@ class TactilesDriver:
         self._next_token = 0
         self._results: list[Result] = []
         self.overdue = 0
-        """Pulses asked for when their time had passed: their loop was ticked too seldom."""
 
     def contact(self, site: str, now_ns: int, at_ns: int | None = None) -> bool:
-        """Bring the pin of ``site`` to the skin, where it stays. False if it is out, or on its way, already.
+        """Bring the pin of a site to the skin, where it stays without power (thesis 3.4.5).
 
-        :param at_ns: wanted start of the coil pulse; as soon as possible if None or too near.
-        :raises InputError: no actuator sits at this site.
+        :param site: one of ``sites``.
+        :param now_ns: ns on the link's clock.
+        :param at_ns: wanted start of the coil pulse, ns; as soon as possible if None or too near.
+        :return: False if it is out, or on its way, already: nothing was asked for then.
+        :raises InputError: no tactor sits at this site.
         """
         return self._set_pin(site, True, now_ns, at_ns)
 
     def release(self, site: str, now_ns: int, at_ns: int | None = None) -> bool:
-        """Withdraw the pin of ``site``. False if it is in, or on its way, already; a contact that waits is given up then.
+        """Withdraw the pin of a site; a contact that waits is given up.
 
-        :raises InputError: no actuator sits at this site.
+        :param site: one of ``sites``.
+        :param now_ns: ns on the link's clock.
+        :param at_ns: wanted start of the coil pulse, ns; as soon as possible if None or too near.
+        :return: False if it is in, or on its way, already: nothing was asked for then.
+        :raises InputError: no tactor sits at this site.
         """
         return self._set_pin(site, False, now_ns, at_ns)
 
@@ -90,7 +108,10 @@ class TactilesDriver:
 
         A pin that is out stays out: the request is denied, ``contact``.
 
-        :raises InputError: no actuator sits at this site.
+        :param site: one of ``sites``.
+        :param now_ns: ns on the link's clock.
+        :param at_ns: wanted start, ns; as soon as possible if None or too near.
+        :raises InputError: no tactor sits at this site.
         """
         channel = self._channel_of(site)
         self.overdue += at_ns is not None and at_ns < now_ns
@@ -102,16 +123,22 @@ class TactilesDriver:
     def miss(self, site: str, now_ns: int) -> None:
         """A pulse whose time had passed before anybody came to ask for it: denied, ``late``; ``unarmed`` while that is so.
 
-        :raises InputError: no actuator sits at this site.
+        :param site: one of ``sites``.
+        :param now_ns: ns on the link's clock.
+        :raises InputError: no tactor sits at this site.
         """
         self._channel_of(site)
         self.overdue += 1
         self._results.append(Result(site, "pulse", False, "late" if self._armed else "unarmed", now_ns, None))
 
     def train(self, site: str, count: int, period_ns: int, now_ns: int) -> None:
-        """``count`` pulses, one each ``period_ns``; each is a request of its own.
+        """Pulses at a steady rate; each is a request of its own.
 
-        :raises InputError: no actuator sits at this site.
+        :param site: one of ``sites``.
+        :param count: how many.
+        :param period_ns: from start to start, ns.
+        :param now_ns: ns on the link's clock.
+        :raises InputError: no tactor sits at this site.
         """
         self._channel_of(site)
         if not self._armed:
@@ -121,13 +148,16 @@ class TactilesDriver:
         self._play_later([(first_ns + i * period_ns, site, now_ns) for i in range(count)])
 
     def burst(self, site: str, cycles: int, now_ns: int, at_ns: int | None = None) -> None:
-        """``cycles`` cycles of 5 ms, 200 Hz; may be cut at the end of a cycle by something more urgent.
+        """Cycles of 5 ms, 200 Hz (thesis 3.4.5); may be cut at the end of a cycle by something more urgent.
 
+        :param site: one of ``sites``.
         :param cycles: 1 to 10, as a burst lasts at most 50 ms (thesis 3.5.2).
-        :raises InputError: no actuator sits at this site, or too many cycles.
+        :param now_ns: ns on the link's clock.
+        :param at_ns: wanted start, ns; as soon as possible if None or too near.
+        :raises InputError: no tactor sits at this site, or too many cycles.
         """
-        if not 1 <= cycles <= 10:
-            raise InputError(f"cycles = {cycles} is not allowed; allowed: 1 to 10 (a burst lasts at most 50 ms)")
+        if not 1 <= cycles <= MAX_CYCLES:
+            raise InputError(f"cycles = {cycles} is not allowed; allowed: 1 to {MAX_CYCLES} (a burst lasts at most 50 ms)")
         channel = self._channel_of(site)
         if self._armed and self._in_contact(channel):
             self._results.append(Result(site, "burst", False, "contact", now_ns, None))
@@ -139,6 +169,8 @@ class TactilesDriver:
         """Send what is due until the next tick and the command lead after it, and note what the board answered.
 
         Best every millisecond. Called less often it sends that much farther ahead, at 30 Hz still all of it in time.
+
+        :param now_ns: ns on the link's clock.
         """
         self._now_ns = now_ns
         self._spacing.observe(now_ns)
@@ -173,13 +205,17 @@ class TactilesDriver:
         outcomes += more_outcomes
 
     def take_results(self) -> list[Result]:
-        """Results since the last call; every request gives exactly one, sooner or later."""
+        """What became of requests; each gives exactly one result, sooner or later.
+
+        :return: results since the last call.
+        """
         results, self._results = self._results, []
         return results
 
     def set_armed(self, armed: bool, sure_until_ns: int | None = None) -> None:
         """The board was armed, or is no longer: without, every request is denied, ``unarmed``. Either way nothing is wanted.
 
+        :param armed: whether it is armed now.
         :param sure_until_ns: strokes that end later may not have played: the board was made safe then, or perhaps was.
         """
         self._armed = False  # nothing of what is settled now is tried again
@@ -198,19 +234,25 @@ class TactilesDriver:
         self._scheduler.set_armed(armed)
 
     def withdraw_all(self, now_ns: int) -> None:
-        """Release every pin that is out, may be out, or is on its way: the first step of going off."""
+        """Release every pin that is out, may be out, or is on its way: the first step of going off.
+
+        :param now_ns: ns on the link's clock.
+        """
         for site, pin in zip(self.sites, self._pins, strict=True):
             if pin.heading is not False:
                 self.release(site, now_ns)
 
-    def end(self, reason: str) -> None:
-        """Deny whatever has not started, with ``reason``, and want nothing any more."""
+    def end(self, reason: Reason) -> None:
+        """Deny whatever has not started, and want nothing any more.
+
+        :param reason: given in the results.
+        """
         self._again.clear()
         self._deny_later(reason)
         for outcome in self._scheduler.stop(reason):
             self._settle(outcome)
 
-    def _deny_later(self, reason: str) -> None:
+    def _deny_later(self, reason: Reason) -> None:
         self._results += [Result(site, "pulse", False, reason, asked_ns, None) for _, site, asked_ns in self._later]
         self._later.clear()
 
@@ -225,15 +267,26 @@ class TactilesDriver:
         return self._commands.busy_until_ns
 
     def pins_out(self) -> tuple[bool, ...]:
-        """Per channel: whether the pin is out by its last stroke that a board acknowledged; where nobody knows, it may be."""
+        """Where the pins are, by the last stroke of each that a board acknowledged.
+
+        :return: by channel, whether the pin is out; True also where nobody knows.
+        """
         return tuple(pin.out is not False for pin in self._pins)
 
     def rises_k(self, now_ns: int) -> list[float]:
-        """Per channel: temperature rise by the thermal budget, K."""
+        """How warm the coils can be.
+
+        :param now_ns: ns on the link's clock.
+        :return: by channel, temperature rise above the room by the thermal budget, an upper bound, K.
+        """
         return self._scheduler.rise_k(now_ns)
 
     def headrooms_k(self, now_ns: int) -> list[float]:
-        """Per channel: room under the limit of the rise, K."""
+        """How much warmer the coils may become.
+
+        :param now_ns: ns on the link's clock.
+        :return: by channel, room under the limit of the rise, K.
+        """
         return self._scheduler.headroom_k(now_ns)
 
     def _play_later(self, pulses: list[tuple[int, str, int]]) -> None:
@@ -262,7 +315,7 @@ class TactilesDriver:
 
     def _channel_of(self, site: str) -> int:
         if site not in self._channel:
-            raise InputError(f"site = {site!r} has no actuator; allowed: {', '.join(self.sites)}")
+            raise InputError(f"site = {site!r} has no tactor; allowed: {', '.join(self.sites)}{nearest(site, self.sites)}")
         return self._channel[site]
 
     def _set_pin(self, site: str, out: bool, now_ns: int, at_ns: int | None) -> bool:
@@ -304,7 +357,7 @@ class TactilesDriver:
         self._close(token)
 
     def _close(self, token: int) -> None:
-        """The result of a request, once scheduler and board have both said theirs."""
+        """The result of a request, once scheduler and board have both answered."""
         if token not in self._outcomes or self._commands.waits_for(token):
             return
         outcome, request = self._outcomes.pop(token), self._requests.pop(token)
@@ -316,8 +369,8 @@ class TactilesDriver:
             self._settle_pin(token, request, outcome, reason)
         elif last is not None:
             self._settle_pulse(request.channel, *last)
-        site, kind = self.sites[request.channel], request.priority.name.lower()
-        self._results.append(Result(site, kind, played, reason, request.submitted_ns, outcome.start_ns))
+        kind, why = _KINDS[request.priority], cast(Reason | None, reason)
+        self._results.append(Result(self.sites[request.channel], kind, played, why, request.submitted_ns, outcome.start_ns))
 
     def _settle_pin(self, token: int, request: Request, outcome: Outcome, reason: str | None) -> None:
         pin, out = self._pins[request.channel], request.priority is Priority.CONTACT

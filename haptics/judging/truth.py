@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from haptics.link.messages import BRAKE_CHANNELS, COIL_CHANNELS
 
@@ -31,8 +31,8 @@ class Truth:
     brakes: list[tuple[int, int, str]] = field(default_factory=list)
     forces_n: list[tuple[int, tuple[float, ...]]] = field(default_factory=list)
     latched: list[str] = field(default_factory=list)
-    peak_rise_k: Any = field(default_factory=lambda: np.zeros(COIL_CHANNELS))
-    peak_volts: Any = field(default_factory=lambda: np.zeros(BRAKE_CHANNELS))
-    peak_force_n: Any = field(default_factory=lambda: np.zeros(BRAKE_CHANNELS))
-    energy_j: Any = field(default_factory=lambda: np.zeros(BRAKE_CHANNELS))
-    switches: Any = field(default_factory=lambda: np.zeros(COIL_CHANNELS, dtype=int))
+    peak_rise_k: NDArray[np.float64] = field(default_factory=lambda: np.zeros(COIL_CHANNELS))
+    peak_volts: NDArray[np.float64] = field(default_factory=lambda: np.zeros(BRAKE_CHANNELS))
+    peak_force_n: NDArray[np.float64] = field(default_factory=lambda: np.zeros(BRAKE_CHANNELS))
+    energy_j: NDArray[np.float64] = field(default_factory=lambda: np.zeros(BRAKE_CHANNELS))
+    switches: NDArray[np.int64] = field(default_factory=lambda: np.zeros(COIL_CHANNELS, dtype=int))

@@ -1,4 +1,4 @@
-"""The one table of messages: what a host and a board may say to each other (see ``docs/reference/protocol.md``).
+"""The one table of messages: what a host and a board may send each other (see ``docs/reference/protocol.md``).
 
 Every other form of the protocol (Python structs here, the C header, the reference page, the hash checked in the
 handshake) is derived from ``MESSAGES``. Integers are little endian; ``time`` fields are board ticks (u32, 2 MHz).
@@ -24,7 +24,7 @@ BRAKE_CHANNELS = 5
 DURATION_UNIT_US = 50
 DEFAULT_BAUD = 500_000
 MAX_PAYLOAD = 64
-LIMITS = 5  # that a board tells in identity and takes in configure
+LIMITS = 5  # that a board reports in identity and takes in configure
 HEAT_UNIT_MS = 20  # of a coil's on-time account, in telemetry
 OPEN_COMMANDS = 8  # at most, counted in numbers from the oldest that has no answer
 REMEMBERED_REPLIES = 16  # by a board: an open command may be overtaken by 7 later numbers and 7 repeated earlier ones
@@ -57,7 +57,7 @@ LIMIT_NAMES: dict[Board, tuple[tuple[str, str], ...]] = {
 
 
 class Status(IntEnum):
-    """What a board says to a command."""
+    """What a board answers to a command."""
 
     OK = 0
     LATE = 1  # its time has passed; it was dropped
@@ -100,7 +100,13 @@ class Fault(IntEnum):
 
 @dataclass(frozen=True)
 class Field:
-    """One field: ``code`` is u8, u16, u32 or char; ``count`` repeats it."""
+    """One field of a message.
+
+    :param name: within its message.
+    :param code: ``u8``, ``u16``, ``u32`` or ``char``.
+    :param count: how often it is repeated.
+    :param unit: for people; empty for a plain number.
+    """
 
     name: str
     code: str
@@ -110,7 +116,15 @@ class Field:
 
 @dataclass(frozen=True)
 class Message:
-    """One row of the table. ``sender`` is host or board; ``boards`` are those that know it."""
+    """One row of the table.
+
+    :param type: first byte of its frame.
+    :param name: as the protocol page has it.
+    :param sender: ``host`` or ``board``.
+    :param boards: those that know it.
+    :param fields: of its payload, in order.
+    :param meaning: in words, for the protocol page.
+    """
 
     type: int
     name: str
@@ -267,7 +281,10 @@ _CODES = {"u8": "B", "u16": "H", "u32": "I"}
 
 
 def schema_hash() -> int:
-    """First four bytes (little endian) of the SHA-256 over the table's canonical text."""
+    """The table in one number, so that a host and a board of different tables do not talk past each other.
+
+    :return: first four bytes (little endian) of the SHA-256 over the table's canonical text.
+    """
     lines = [f"protocol {PROTOCOL_VERSION}"]
     for m in MESSAGES:
         fields = ",".join(f"{f.name}:{f.code}*{f.count}" for f in m.fields)
@@ -277,12 +294,14 @@ def schema_hash() -> int:
 
 @cache
 def layout(name: str) -> tuple[struct.Struct, type, tuple[Field, ...]]:
-    """Struct, named tuple class and fields of a message.
+    """How a message lies in its payload.
 
+    :param name: of the message.
+    :return: struct, named tuple class and fields.
     :raises InputError: no message has this name.
     """
     if name not in BY_NAME:
-        raise InputError(f"message {name!r} is unknown; allowed: {', '.join(BY_NAME)}")
+        raise InputError(f"message {name!r} is unknown; the table has: {', '.join(BY_NAME)}")
     fields = BY_NAME[name].fields
     parts = [f"{f.count}s" if f.code == "char" else _CODES[f.code] * f.count for f in fields]
     kind: type = namedtuple(name, [f.name for f in fields])  # pyright: ignore
@@ -290,13 +309,21 @@ def layout(name: str) -> tuple[struct.Struct, type, tuple[Field, ...]]:
 
 
 def payload_size(name: str) -> int:
-    """Bytes of payload of a message."""
+    """How long a payload is.
+
+    :param name: of the message.
+    :return: bytes.
+    :raises InputError: no message has this name.
+    """
     return layout(name)[0].size
 
 
 def encode(name: str, *values: Any) -> bytes:
-    """Payload bytes of message ``name``; a field with a count takes one sequence (``char``: bytes).
+    """A message's payload.
 
+    :param name: of the message.
+    :param values: one for each field; a field with a count takes one sequence (``char``: bytes).
+    :return: the payload's bytes.
     :raises InputError: wrong number of values, or one that does not fit its field.
     """
     structure, _, fields = layout(name)
@@ -317,8 +344,11 @@ def encode(name: str, *values: Any) -> bytes:
 
 
 def decode(name: str, payload: bytes) -> Any:
-    """Named tuple of a payload.
+    """A payload's fields.
 
+    :param name: of the message.
+    :param payload: its bytes.
+    :return: a named tuple, with the fields' names, as integers in the table's units.
     :raises InputError: the payload's length is not the message's.
     """
     structure, kind, fields = layout(name)

@@ -15,7 +15,7 @@ from haptics.errors import LinkError
 from haptics.link.messages import DEFAULT_BAUD, Board
 from haptics.link.port_url import is_simulated, query_of, with_defaults
 from haptics.link.ports import open_port
-from haptics.link_trial.monitor import build_name
+from haptics.link.readings import build_name
 from haptics.link_trial.raw_host import Broken, NotApplicable, RawHost
 from haptics.link_trial.rules import brake, drive, frames, heat, line, safety, schedule, session, silence
 from haptics.link_trial.rules.rule import Rule

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from haptics.errors import LinkError
 from haptics.link.connection import Link
 from haptics.link.events import NO_CHANNEL, FaultReported, Rebooted, Telemetry
 from haptics.link.framing import BITS_PER_BYTE, FRAMING_BYTES
-from haptics.link.messages import DEFAULT_BAUD, Board, Fault, State, payload_size
+from haptics.link.messages import DEFAULT_BAUD, Board, payload_size
 from haptics.link.ports import open_port
+from haptics.link.readings import build_name, fault_name, fault_names, limits_of, state_name
 from haptics.link.runner import RealtimeRunner, VirtualRunner, connect
 from haptics.link.session import LinkSession
 from haptics.link.settings import FINER_LINE, LinkCounters
@@ -36,7 +37,7 @@ class Who:
     :param boot_id: eight hexadecimal digits; another one after each boot.
     :param channels: outputs it has.
     :param dead_man_ms: silence after which it makes itself safe (ms).
-    :param limits: as in its ``identity``; their units depend on the board.
+    :param limits: in SI units, by name with the unit in it; which ones depends on the board.
     :param clock_skew_ppm: how much faster than nominal its clock runs (ppm); NaN if not measured.
     :param clock_error_bound_us: how well its clock is known now (µs); NaN if not measured.
     :param line: whether commands can be scheduled over the line, in words.
@@ -49,7 +50,7 @@ class Who:
     boot_id: str
     channels: int
     dead_man_ms: int
-    limits: tuple[int, ...]
+    limits: dict[str, float]
     clock_skew_ppm: float
     clock_error_bound_us: float
     line: str
@@ -160,7 +161,7 @@ def _who(runner: RealtimeRunner | VirtualRunner, link: Link, identity: Any) -> W
         boot_id=f"{identity.boot_id:08x}",
         channels=identity.channels,
         dead_man_ms=identity.dead_man,
-        limits=identity.limits,
+        limits=asdict(limits_of(Board(identity.board), identity.limits)),
         clock_skew_ppm=fit.skew * 1e6 if fit else float("nan"),
         clock_error_bound_us=fit.error_bound_s(runner.now_ns()) * 1e6 if fit else float("nan"),
         line=line_in_words(link, runner.now_ns()),
@@ -185,15 +186,6 @@ def line_in_words(link: Link, now_ns: int) -> str:
         measure = f" ({needs.exact_error_s * 1e3:g} ms needed to measure by)" if known_s > needs.exact_error_s else ""
         return f"coarse: {known}, so commands play that much later{measure}; {FINER_LINE}"
     return f"good: {known}"
-
-
-def build_name(identity: Any) -> str:
-    """The firmware's own name for itself.
-
-    :param identity: the ``identity`` message.
-    :return: at most eight characters.
-    """
-    return identity.build.rstrip(b"\0").decode("ascii", "replace")
 
 
 class Monitor:
@@ -244,7 +236,7 @@ class Monitor:
                 self._take(event)
             elif isinstance(event, FaultReported):
                 channel = "" if event.channel == NO_CHANNEL else f", channel {event.channel}"
-                self._notes.append(f"fault {_fault_name(event.fault)}{channel}, value {event.value}")
+                self._notes.append(f"fault {fault_name(event.fault)}{channel}, value {event.value}")
             elif isinstance(event, Rebooted):
                 self._last = None
                 self._notes.append(f"rebooted: boot id {event.old_boot_id:08x}, now {event.new_boot_id:08x}")
@@ -266,7 +258,7 @@ class Monitor:
         board = Board(identity.board).name.lower()
         line = self._baud / BITS_PER_BYTE * elapsed_s
         frame_bytes = payload_size(f"{board}_telemetry") + FRAMING_BYTES
-        state = State(last.state).name.lower() if last and last.state in State.__members__.values() else "unknown"
+        state = state_name(last.state) if last else "unknown"
         return Look(
             port=self._link.name,
             board=board,
@@ -274,7 +266,7 @@ class Monitor:
             boot_id=f"{identity.boot_id:08x}",
             elapsed_s=elapsed_s,
             state=state if error is None else "lost",
-            faults=[_fault_name(bit) for bit in range(16) if last and last.faults >> bit & 1],
+            faults=list(fault_names(last.faults)) if last else [],
             clock_error_bound_us=fit.error_bound_s(now_ns) * 1e6 if fit else float("nan"),
             clock_skew_ppm=fit.skew * 1e6 if fit else float("nan"),
             min_lead_ms=1e3 * (2 * fit.error_bound_s(now_ns) + _LONGEST_COMMAND * BITS_PER_BYTE / self._baud)
@@ -292,7 +284,3 @@ class Monitor:
             notes=list(self._notes),
             error=str(error) if error is not None else None,
         )
-
-
-def _fault_name(fault: int) -> str:
-    return Fault(fault).name.lower() if fault in Fault.__members__.values() else f"fault {fault}"

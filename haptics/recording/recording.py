@@ -21,6 +21,7 @@ from haptics.recording.hdf5_file import DamagedFile, attribute_of, dataset_at, g
 from haptics.recording.leftovers import advice, is_journal
 from haptics.recording.seal import check_seal
 from haptics.recording.streams import StreamSpec
+from haptics.units import file_path
 
 _UNSEALED = 1
 """The last layout that was written without a seal."""
@@ -131,7 +132,7 @@ def load(path: str | os.PathLike[str]) -> Recording:
     :raises InputError: no such file, a folder, no recording, an unfinished one, or one of a later version (the message states
         what to do).
     """
-    path = Path(path)
+    path = file_path("path", path)
     found = check_seal(path)
     if found is not None and not found.whole:
         raise DamagedFile(path, found.damage)

@@ -41,10 +41,17 @@ COUNTED_COIL_A = 3.907
 
 
 class ActuatorCalibration(_Part):
-    """What a bench measured of one actuator, each with its standard deviation (0 if not given: taken as exact).
+    """What a bench measured of one tactor, each with its standard deviation (0 if not given: taken as exact).
 
     A value that is absent is taken at its worst within the published tolerance (thesis 3.4.3, 3.5.2), as all of them are for an
-    actuator without calibration.
+    tactor without calibration.
+
+    :param tau_s: thermal time constant, 20 to 500 s.
+    :param tau_sd_s: its standard deviation, 0 to 5 s.
+    :param c_k_per_w: rise per power of steady heating, 10 to 300 K/W.
+    :param c_sd_k_per_w: its standard deviation, 0 to 100 K/W.
+    :param power_w: electric power of the coil while it is on, 1 to 40 W.
+    :param power_sd_w: its standard deviation, 0 to 10 W.
     """
 
     tau_s: Annotated[float, Field(ge=20, le=500)] | None = None
@@ -58,13 +65,15 @@ class ActuatorCalibration(_Part):
     def _sds_of_values(self) -> ActuatorCalibration:
         for value, sd in (("tau_s", "tau_sd_s"), ("c_k_per_w", "c_sd_k_per_w"), ("power_w", "power_sd_w")):
             if getattr(self, value) is None and getattr(self, sd):
-                raise ValueError(f"{sd} = {getattr(self, sd):g} without {value}; allowed: both, or {value} alone")
+                raise ValueError(f"{sd} = {getattr(self, sd):g} without {value}; expected both, or {value} alone")
         return self
 
     def coil_heat(self) -> CoilHeat:
-        """What the heat account of this actuator goes by: never cooler than it is, as far as the calibration knows it.
+        """What the heat account of this tactor goes by: never cooler than it is, as far as the calibration knows it.
 
         Errors of ``c`` and power are independent, and only their product heats: their shares add in squares.
+
+        :return: bounding parameters and power.
         """
         tau_s, tau_off_s = (
             (THERMAL.tau_s, THERMAL.tau_sd_s) if self.tau_s is None else (self.tau_s, CALIBRATION_SDS * self.tau_sd_s)
@@ -76,7 +85,13 @@ class ActuatorCalibration(_Part):
 
 
 class TactilesConfiguration(_Part):
-    """The array of tactors. ``sites[i]`` is where channel ``i`` sits on the hand."""
+    """The array of tactors.
+
+    :param port: URL of the board's port.
+    :param baud: of its line, 9600 to 2,000,000.
+    :param sites: ``sites[i]`` is where channel ``i`` sits on the hand; at most 15 different ones.
+    :param calibration: by site; sites without one are taken at their worst within tolerance.
+    """
 
     port: PortUrl = "sim://tactiles"
     baud: int = Field(default=DEFAULT_BAUD, ge=9600, le=2_000_000)
@@ -92,13 +107,18 @@ class TactilesConfiguration(_Part):
     calibration: dict[str, ActuatorCalibration] = Field(default_factory=dict)
 
     def coil_heat(self, site: str) -> CoilHeat:
-        """What the heat account of a site goes by: its calibration, or the worst within tolerance."""
+        """What the heat account of a site goes by.
+
+        :param site: of the array.
+        :return: from its calibration, or the worst within tolerance.
+        """
         return self.calibration.get(site, ActuatorCalibration()).coil_heat()
 
     def board_limits(self, *, of_pulses: bool = True) -> Wanted:
         """What the board is configured with, in the order of ``identity.limits``: no more than this host will ever need.
 
         :param of_pulses: with the limits on what a pulse lasts and warms, which a bench leaves as the board has them.
+        :return: five integers in the wire's units; None leaves the board's own.
         """
         current_ma = math.floor(1000 * self.current_limit_a + 1e-6)
         if not of_pulses:
@@ -132,7 +152,11 @@ class TactilesConfiguration(_Part):
 
 
 class BrakeCalibration(_Part):
-    """What a pull tester measured of one brake: ``F = k (V^2 - V0^2)`` at its own overlap, dielectric and volts."""
+    """What a pull tester measured of one brake: ``F = k (V^2 - V0^2)`` at its own overlap, dielectric and volts.
+
+    :param k_n_v2: k, 1e-8 to 1e-3 N/V².
+    :param threshold_v: V0, 0 to 1500 V.
+    """
 
     k_n_v2: Annotated[float, Field(ge=1e-8, le=1e-3)]
     threshold_v: Annotated[float, Field(ge=0, le=1500)]
@@ -147,7 +171,13 @@ _UNDER = {
 
 
 class BrakeConfiguration(_Part):
-    """Brakes or clutches on one high-voltage supply. ``channels[i]`` names what output ``i`` drives."""
+    """Brakes or clutches on one high-voltage supply.
+
+    :param port: URL of the controller's port.
+    :param baud: of its line, 9600 to 2,000,000.
+    :param channels: ``channels[i]`` names what output ``i`` drives; 1 to 5 different names.
+    :param calibration: by name; brakes without one have the published fit of thumb or index.
+    """
 
     port: PortUrl = "sim://brake"
     baud: int = Field(default=DEFAULT_BAUD, ge=9600, le=2_000_000)
@@ -163,7 +193,10 @@ class BrakeConfiguration(_Part):
     calibration: dict[str, BrakeCalibration] = Field(default_factory=dict)
 
     def board_limits(self) -> Wanted:
-        """What the controller is configured with, in the order of ``identity.limits``."""
+        """What the controller is configured with, in the order of ``identity.limits``.
+
+        :return: five integers in the wire's units; None leaves the board's own.
+        """
         return (
             math.floor(self.max_amplitude_v),
             None,
@@ -180,9 +213,9 @@ class BrakeConfiguration(_Part):
             return table
         table = dict(table)
         for name, limit in _UNDER.items():
-            most = table.get(limit)
-            if name not in table and isinstance(most, int | float):
-                table[name] = min(cls.model_fields[name].default, most)
+            max_value = table.get(limit)
+            if name not in table and isinstance(max_value, int | float):
+                table[name] = min(cls.model_fields[name].default, max_value)
         return table
 
     @model_validator(mode="after")
@@ -200,7 +233,11 @@ class BrakeConfiguration(_Part):
         return self
 
     def law(self, name: str) -> tuple[ForceLaw, float]:
-        """Force law of one output and the overlap (m2) it counts with: what a bench measured of it, or the published fit."""
+        """Force law of one output: what a bench measured of it, or the published fit (thesis 4.7.1).
+
+        :param name: of the output; any but ``thumb`` has the fit of the index brake.
+        :return: the law, and the overlap that it counts with, m².
+        """
         own = self.calibration.get(name)
         if own is not None:
             return ThresholdLaw(own.k_n_v2, own.threshold_v), BRAKE.overlap_m2
@@ -215,7 +252,12 @@ class BrakeConfiguration(_Part):
 
 
 class Configuration(_Part):
-    """One glove: its devices, the hand it is on, and the tracker that sees the hand."""
+    """One glove: its devices, the hand it is on, and the tracker that sees the hand.
+
+    :param tick_hz: rate of the render loop, 250 to 2000 Hz.
+    :param tactiles: the array of tactors.
+    :param brake: the brake controller.
+    """
 
     side: Literal["auto", "left", "right"] = Field(default="auto", description="hand the glove is on; auto: the one seen most")
     tracker_latency_s: Annotated[float, Field(ge=0, le=0.1)] = Field(default=0.010, description="a pose's age when it arrives, s")
@@ -225,14 +267,16 @@ class Configuration(_Part):
 
 
 def load_configuration(path: str | PathLike[str] | None) -> Configuration:
-    """The configuration in a TOML file, or the simulated glove for None.
+    """A glove's configuration.
 
+    :param path: a TOML file; None for the defaults, on simulated boards.
+    :return: checked and frozen.
     :raises InputError: no such file, not TOML (with line and column), or a key or value that is not allowed.
     """
     if path is None:
         return Configuration()
     if isinstance(path, str) and "://" in path:
-        raise InputError(f"config = {brief(path)} is a port; allowed: a file's name; ports have options of their own")
+        raise InputError(f"config = {brief(path)} is a port; expected a file name; ports have options of their own")
     path = file_path("config", path)
     try:
         with open(path, "rb") as file:
@@ -247,6 +291,9 @@ def load_configuration(path: str | PathLike[str] | None) -> Configuration:
 def check_configuration(table: dict, source: str) -> Configuration:
     """A configuration from plain data.
 
+    :param table: as read from TOML or JSON.
+    :param source: where it comes from, for messages.
+    :return: checked and frozen.
     :raises InputError: every key at fault, with its value and what is allowed.
     """
     try:

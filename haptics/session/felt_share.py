@@ -15,7 +15,7 @@ from haptics.link.settings import FINER_LINE
 from haptics.time import NS_PER_MS
 
 BY_DESIGN = frozenset(("superseded", "heat", "hot", "company", "current", "contact", "ended", "stopped", "cut"))
-"""Reasons to deny a request that say nothing against the line: the scheduler's own, and a board's coil that is hot."""
+"""Reasons to deny a request that are no fault of the line: the scheduler's own, and a board's coil that is hot."""
 LARGEST_FAILED_SHARE = 0.2
 """Of the requests that were not denied by design; beyond it the run has failed. A pin that was late is tried again, so that
 one request in five may fail and nearly every touch be felt, a little late; beyond that touches are missed (assumed)."""
@@ -24,14 +24,19 @@ _CURES = {
     "late": "the machine is too busy, or the line too slow: end other programs, or connect the board directly",
     "full": "the board had another pulse then, or no place for more: commands reach it in bunches",
     "unknown": "commands were not answered: check cable and power",
-    "unarmed": "the board was not armed: the faults say why",
+    "unarmed": "the board was not armed: the faults name the cause",
     "interlock": "the board was not armed, or a fault is latched",
 }
 
 
 @dataclass(frozen=True, slots=True)
 class FeltShare:
-    """Requests to one board. ``failed``: not played, by reasons that are not by design."""
+    """Requests to one board.
+
+    :param board: ``tactiles`` or ``brake``.
+    :param played: how many played.
+    :param failed: how many did not, by reason, for reasons that are not by design.
+    """
 
     board: str
     played: int
@@ -45,12 +50,23 @@ class FeltShare:
 
 
 def felt_share(board: str, played: int, denied: Mapping[str, int]) -> FeltShare:
-    """From what was played, and what was denied by reason."""
+    """The share of requests to a board that failed.
+
+    :param board: ``tactiles`` or ``brake``.
+    :param played: how many played.
+    :param denied: how many did not, by reason.
+    :return: without what was denied by design.
+    """
     return FeltShare(board, played, {reason: count for reason, count in denied.items() if count and reason not in BY_DESIGN})
 
 
 def fault_of(felt: FeltShare, link: Link | None) -> str | None:
-    """What to tell a person of a run that failed for its line, its dominant cause and the cure; None if it did not."""
+    """Whether a run failed for its line or a busy machine.
+
+    :param felt: of one board.
+    :param link: with that board, for what is known of its clock.
+    :return: the share, its dominant cause and the cure, in words; None if at most ``LARGEST_FAILED_SHARE`` failed.
+    """
     if felt.share <= LARGEST_FAILED_SHARE:
         return None
     reason, count = Counter(felt.failed).most_common(1)[0]
@@ -70,7 +86,12 @@ def _known(within_ms: float, needed_s: float) -> str:
 
 
 def coarse_note(board: str, link: Link) -> str | None:
-    """What a line whose clock is known coarsely cost; None if it cost nothing."""
+    """What a line whose clock is known coarsely cost.
+
+    :param board: ``tactiles`` or ``brake``.
+    :param link: with that board.
+    :return: by how much everything plays later, in words; None if by nothing.
+    """
     if link.shift_ns == 0:
         return None
     shift_ms = link.shift_ns / NS_PER_MS

@@ -1,482 +1,512 @@
-"""One glove: ports opened, links up, drivers ready, and off again on every exit.
-
-``Glove`` is the composition that runs, scripts and the render session share. In virtual time its owner steps it
-(``step_to``); in real time its owner's loop serves links and drivers (``haptics.session.open_glove`` starts a thread that does).
-"""
+"""A glove for programs: ``haptics.open``, plain calls, and off again however the program ends."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import Any
+import atexit
+import os
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from os import PathLike
+from types import TracebackType
+from typing import Literal, Protocol
 
-from haptics.devices import BrakeDriver, TactilesDriver
-from haptics.devices.tactiles import TELLING_NS
-from haptics.errors import CommandRefused, InputError, LimitError
-from haptics.link.commands import Pending
-from haptics.link.connection import Link
-from haptics.link.events import NO_CHANNEL, Disarmed, Event, FaultReported, Lost, Rebooted, Telemetry
-from haptics.link.limits import Wanted, kept_stricter, stricter
-from haptics.link.messages import DURATION_UNIT_US, Board, Fault, State, Status
-from haptics.link.polling import PollingRunner
-from haptics.link.port_url import is_simulated, query_of, with_defaults
-from haptics.link.ports import check_port, open_port
-from haptics.link.runner import VirtualRunner, connect, finish
-from haptics.link.session import LinkSession
-from haptics.link.simulated import SimulatedPort, simulated
-from haptics.scheduling import CoilLimits, ThermalBudget
-from haptics.session import heat
-from haptics.session.configuration import COUNTED_COIL_A, BrakeConfiguration, TactilesConfiguration
-from haptics.session.faults import fault_names
-from haptics.time import LATEST_NS, NS_PER_MS, NS_PER_S, MonotonicClock, VirtualClock, seconds_to_ns
-from haptics.units import a_callable, an_instance, one_of, truth, whole_number
-
-TICK_NS = NS_PER_MS
-LONGEST_STEP_S = 1e6
-_PARTS: dict[str, type] = {"tactiles": TactilesConfiguration, "brake": BrakeConfiguration}
-ARM_TIMEOUT_S = 2.0
-OFF_TIMEOUT_S = 1.0
-_ARMED = (State.ARMED, State.DRIVING)
-HANDOVER_S = 100e-6
-"""Pause between two pulses that share a coil or its share of the current: more than a clock estimate moves between them."""
-WireTap = Callable[[str, int, bool, bytes], None]
+from haptics.devices import BrakeDriver, Result, TactilesDriver
+from haptics.devices.brake import LONGEST_PIEZO_S
+from haptics.devices.tactiles import MAX_CYCLES
+from haptics.ends import orderly, unbroken
+from haptics.errors import GloveEnded, HapticsError, InputError
+from haptics.link.events import Event, Telemetry
+from haptics.link.ports import check_port
+from haptics.session.composition import with_ports
+from haptics.session.configuration import Configuration, load_configuration
+from haptics.session.devices import LONGEST_STEP_S, TICK_NS, Devices
+from haptics.session.glove_recording import GloveRecording
+from haptics.session.glove_state import (
+    GloveIdentity,
+    GloveState,
+    GloveTelemetry,
+    glove_identity,
+    glove_state,
+    glove_telemetry,
+)
+from haptics.session.plant_truth import PlantTruth
+from haptics.session.recorder import Recorder
+from haptics.session.sampler import Sampler
+from haptics.session.service import JOIN_S, Service, go_off
+from haptics.time import seconds_to_ns
+from haptics.units import file_path, number, one_of, truth, whole_number
 
 
-def _checked_keys(simulate: object) -> Mapping[str, Mapping[str, object]]:
-    """Query keys for simulated boards.
+class Rendered(Protocol):
+    """A session on a glove: what ticks the devices in the glove's place."""
 
-    :raises InputError: not by a board's name, or not keys and values.
-    """
-    an_instance("simulate", simulate, Mapping, "from a board's name to query keys and their values")
-    for name, keys in simulate.items():  # type: ignore[attr-defined]
-        one_of("simulate", name, tuple(_PARTS))
-        an_instance(f"simulate of {name}", keys, Mapping, "from query keys to values")
-    return simulate  # type: ignore[return-value]
+    @property
+    def begun(self) -> bool:
+        """Whether it is to be ticked."""
+        ...
+
+    def serve(self, now_ns: int) -> None:
+        """Tick.
+
+        :param now_ns: ns on the glove's clock.
+        """
+        ...
+
+    def settle(self) -> None:
+        """Collect what came out last."""
+        ...
+
+    def plants(self) -> PlantTruth | None:
+        """What the simulated plants are now.
+
+        :return: the truth, or None on hardware.
+        """
+        ...
 
 
 class Glove:
-    """The devices of one glove.
+    """A glove: plain calls, in the background's real time or in stepped virtual time. ``haptics.open`` makes one.
 
-    :param tactiles: configuration of the array, or None to leave it out.
-    :param brake: configuration of the brake controller, or None to leave it out.
-    :param realtime: on the machine's clock (needed for hardware) rather than in virtual time.
-    :param seed: of the simulated boards. :param simulate: query keys for the simulated boards, by name; a URL's own keys win.
-    :param wire_tap: called with port name, time, direction (True: to the board) and bytes.
-    :param limit_pulses: boards are configured with what the configuration says of the length of pulses and of heat, too. A bench
-        that warms coils on purpose, and watches them, leaves these two as the board has them.
-    :raises InputError: a real port in virtual time.
-    :raises LinkError: a port or board that cannot be used; what was opened is closed again.
+    It is served from its opening on. Use it as a context manager, or call ``close``: both go off, however they are left. Inside
+    ``with``, in the main thread, SIGTERM and SIGHUP leave it like Ctrl-C (``haptics.ends.orderly``). Calls may come from several
+    threads; each waits for the one before. Once it is closed, or the thread that serves it has ended, every call raises
+    ``GloveEnded`` (after the latter, ``state``, ``off`` and ``close`` still answer).
+
+    :param devices: open; the glove closes them.
+    :param configuration: they were opened with.
+    :param recording: begun here, or None.
+    :param seed: of simulated boards, for the recording's header.
+
+    :ivar devices: ports, links and drivers, for who needs more than the calls here; take :meth:`turn` around their use.
+    :ivar configuration: what the glove was opened with.
+    :ivar recorder: takes rows of the recording, or None.
     """
 
-    def __init__(
-        self,
-        tactiles: TactilesConfiguration | None,
-        brake: BrakeConfiguration | None,
-        *,
-        realtime: bool,
-        seed: int = 1,
-        simulate: Mapping[str, Mapping[str, object]] | None = None,
-        wire_tap: WireTap | None = None,
-        limit_pulses: bool = True,
-    ):
-        seed = whole_number("seed", seed, 0, 2**32 - 1)
-        self.realtime = realtime = truth("realtime", realtime)
-        self.clock: VirtualClock | MonotonicClock = MonotonicClock() if realtime else VirtualClock()
-        self.links: dict[str, Link] = {}
-        self.faults: list[str] = []
-        self.notes: list[str] = []
-        """What a person should know besides: limits that a board holds tighter than configured, coils that start warm."""
-        self.telemetry: dict[str, Any] = {}
-        self._event_sinks: list[Callable[[str, Event], None]] = []
-        self._opened = False
-        self._wanted_armed = False
-        self._heat_booked = True
-        self._limit_pulses = truth("limit_pulses", limit_pulses)
-        self._permitted: set[str] = set()  # boards whose drivers may ask for energy
-        self.times_armed = 0
-        """How often :meth:`arm` succeeded: whoever remembers what a device does forgets it when this changes."""
-        simulate = _checked_keys({} if simulate is None else simulate)
-        if wire_tap is not None:
-            a_callable("wire_tap", wire_tap, "port name, time, direction and bytes")
-        asked = {"tactiles": tactiles, "brake": brake}
-        for name, part in asked.items():  # all of them before the first is opened, which may reset a board
-            if part is not None:
-                an_instance(name, part, _PARTS[name], "a part of haptics.load_configuration's answer, or None")
-                check_port(part.port, f"{name} port")
-        if tactiles is not None and brake is not None and tactiles.port == brake.port:
-            raise InputError(f"brake port = {brake.port!r} is the tactiles port, too; allowed: a port for each board")
+    def __init__(self, devices: Devices, configuration: Configuration, recording: GloveRecording | None = None, seed: int = 1):
+        self.devices, self.configuration, self._recording = devices, configuration, recording
+        self.recorder: Recorder | None = None
+        self._lock = threading.RLock()
+        self._closing = threading.RLock()
+        self._ending = self._closed = False
+        self._ends = ExitStack()
+        self._telemetry: dict[str, Telemetry] = {}
+        self._results: list[Result] = []  # recorded, and not asked for yet
+        self._session: Rendered | None = None
+        self._process = os.getpid()
+        devices.on_event(self._note)
         try:
-            for name, part in asked.items():
-                if part is not None:
-                    self.links[name] = self._open(name, part, seed, simulate.get(name, {}), wire_tap)
-            links = list(self.links.values())
-            if not realtime:  # a world that was there before has gone on without this glove
-                starts_ns = [link.simulated.truth()["time_ns"] for link in self.links.values() if link.simulated is not None]
-                self._virtual_clock.advance_to(max(starts_ns, default=0))
-            self._runner: VirtualRunner | PollingRunner = (
-                PollingRunner(links, self.clock) if realtime else VirtualRunner(links, self._virtual_clock)
-            )
-        except BaseException:
-            for link in self.links.values():
-                link.close()
+            if recording is not None:
+                self.recorder = recording.begin(devices, configuration, seed)
+            self._sampler = Sampler(devices, self.recorder)
+            self._service = Service(devices, self._lock, self._tick) if devices.realtime else None
+        except BaseException as error:  # no disk, or no thread to be had
+            devices.close()
+            if recording is not None:
+                recording.end(error)
             raise
-        self._opened = True
-        self.tactiles: TactilesDriver | None = None
-        self.brakes: BrakeDriver | None = None
+        if devices.realtime:
+            atexit.register(self.close)
+
+    def __enter__(self) -> Glove:
+        with self.turn():
+            self._ends.enter_context(orderly())
+            return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
         try:
-            connect(self._runner)
-            for name, part in asked.items():
-                if part is not None:
-                    self._note_limits(name, part)
-            self.tactiles = None if tactiles is None else self._tactiles_driver(tactiles)
-            self.brakes = None if brake is None else self._brake_driver(brake)
-        except BaseException:
-            self.close()
-            raise
+            with unbroken:
+                self.close()
+        finally:
+            self._ends.__exit__(kind, error, trace)
 
-    # Opening --------------------------------------------------------------------------------------------------------
-
-    @property
-    def _virtual_clock(self) -> VirtualClock:
-        assert isinstance(self.clock, VirtualClock)
-        return self.clock
-
-    def _open(
-        self,
-        name: str,
-        part: TactilesConfiguration | BrakeConfiguration,
-        seed: int,
-        simulate: Mapping[str, object],
-        wire_tap: WireTap | None,
-    ) -> Link:
-        defaults: dict[str, object] = {"clock": "real" if self.realtime else "virtual", "seed": seed}
-        if part.port.startswith(f"sim://{name}"):
-            defaults |= simulate
-        url = with_defaults(part.port, **defaults)
-        if not self.realtime and not is_simulated(url):
-            raise InputError(f"port = {part.port!r} lives in real time; allowed without --realtime: sim://… ports")
-        port = open_port(url, part.baud)
-        if not self.realtime and query_of(url).get("clock") != "virtual":
-            port.close()
-            raise InputError(f"port = {part.port!r} asks for the real clock; allowed without --realtime: clock=virtual")
-
-        def tap(time_ns: int, direction: str, data: bytes) -> None:
-            if wire_tap is not None:
-                wire_tap(name, time_ns, direction == "out", data)
-
-        board, wanted = Board[name.upper()], self._wanted_limits(part)
-
-        def limits(identity: Any) -> tuple[int, ...]:
-            return stricter(board, wanted, identity.limits)
-
-        return Link(port, LinkSession(board, part.port, limits=limits, baud=part.baud, tap=tap))
-
-    def _wanted_limits(self, part: TactilesConfiguration | BrakeConfiguration) -> Wanted:
-        if isinstance(part, TactilesConfiguration):
-            return part.board_limits(of_pulses=self._limit_pulses)
-        return part.board_limits()
-
-    def _limits(self, name: str, part: TactilesConfiguration | BrakeConfiguration) -> tuple[int, ...]:
-        """What holds: of each limit the stricter of configuration and board."""
-        return stricter(Board[name.upper()], self._wanted_limits(part), self.links[name].identity.limits)
-
-    def _note_limits(self, name: str, part: TactilesConfiguration | BrakeConfiguration) -> None:
-        """Say where a board was built stricter than the configuration, or still keeps what another host configured."""
-        kept = kept_stricter(Board[name.upper()], self._wanted_limits(part), self.links[name].identity.limits)
-        self.notes += [f"{name}: the board holds a stricter limit: {text}" for text in kept]
-
-    def _tactiles_driver(self, part: TactilesConfiguration) -> TactilesDriver:
-        """The array, held to the stricter of configuration and board, so that no legal request is refused by the board."""
-        longest, current_ma, _, _, on_time_ms = self._limits("tactiles", part)
-        self._coils = [part.coil_heat(site) for site in part.sites]
-        limits_k = [min(part.rise_limit_k, coil.limit_k(on_time_ms / 1000)) for coil in self._coils]
-        if self._limit_pulses and min(limits_k) < part.rise_limit_k * (1 - 1e-3):
-            site = part.sites[limits_k.index(min(limits_k))]
-            self.notes.append(
-                f"tactiles: {on_time_ms} ms of on-time, the board's limit, hold {site} to {min(limits_k):.1f} K "
-                f"({part.rise_limit_k:g} K configured)"
-            )
-        budgets = [ThermalBudget(coil.parameters, limit_k) for coil, limit_k in zip(self._coils, limits_k, strict=True)]
-        limits = CoilLimits(
-            current_ma / 1000,
-            max(part.coil_current_a, COUNTED_COIL_A),
-            tuple(coil.power_w for coil in self._coils),
-            HANDOVER_S,
-        )
-        contact_s = min(part.contact_pulse_s, longest * DURATION_UNIT_US / 1e6)  # the longest may be that of another stroke
-        return TactilesDriver(self.links["tactiles"], part.sites, limits, budgets, contact_s)
-
-    def _brake_driver(self, part: BrakeConfiguration) -> BrakeDriver:
-        """The brakes, likewise."""
-        amplitude_v, _, frequency_dhz, ttl_ms, _ = self._limits("brake", part)
-        frequency_hz = min(part.frequency_hz, frequency_dhz / 10)
-        ttl_s = min(part.ttl_s, ttl_ms / 1000)
-        return BrakeDriver(self.links["brake"], part.channels, frequency_hz, ttl_s, amplitude_v, frequency_dhz / 10)
-
-    # Time -----------------------------------------------------------------------------------------------------------
-
-    def now_ns(self) -> int:
-        """The glove's time."""
-        return self.clock.now_ns()
-
-    def on_event(self, sink: Callable[[str, Event], None]) -> None:
-        """Call ``sink(board, event)`` for what links report.
-
-        :raises InputError: it cannot be called.
-        """
-        a_callable("sink", sink, "a board's name and an event")
-        self._event_sinks.append(sink)
-
-    def follow(self, to_ns: int) -> None:
-        """Bring links (and in virtual time boards) to ``to_ns`` and take in what they report; drivers are not ticked.
-
-        :raises InputError: no time, or in virtual time one that has passed.
-        """
-        if type(to_ns) is not int or not 0 <= to_ns <= LATEST_NS:  # so as not to cost a tick more than that
-            to_ns = whole_number("to_ns", to_ns, 0, LATEST_NS)
-        for name, link in self.links.items():
-            if link.armed:
-                self._notice_silence(name, link)
-        if isinstance(self._runner, VirtualRunner):
-            self._runner.run_until(to_ns)
-        else:
-            self._runner.poll()
-        for name, link in self.links.items():
-            for event in link.events():
-                self._take(name, event)
-            if name in self._permitted and not self._obeys(name):
-                self._forbid(name)
-
-    def _notice_silence(self, name: str, link: Link) -> None:
-        """The host was away for longer than a board waits: that board has made itself safe, and is told to be, in any case."""
-        now_ns = self.now_ns()
-        silent_ns = now_ns - link.session.last_sent_ns
-        if silent_ns <= link.identity.dead_man * NS_PER_MS:
-            return
-        silent = f"host silent for {silent_ns / NS_PER_MS:.0f} ms; board made itself safe; arm again"
-        self._fault(f"{name}: {silent}")
-        link.stop(now_ns)
-        self._forbid(name)
-        for sink in self._event_sinks:
-            sink(name, Disarmed(now_ns, silent))
-
-    def tick(self, now_ns: int) -> None:
-        """Tick the drivers.
-
-        :raises InputError: no time.
-        """
-        if type(now_ns) is not int or not 0 <= now_ns <= LATEST_NS:
-            now_ns = whole_number("now_ns", now_ns, 0, LATEST_NS)
-        if self.tactiles is not None:
-            self.tactiles.tick(now_ns)
-        if self.brakes is not None:
-            self.brakes.tick(now_ns)
-
-    def step_to(self, to_ns: int) -> None:
-        """Tick every millisecond until ``to_ns``; in virtual time only.
-
-        :raises InputError: the glove runs in real time, which cannot be stepped; or no time within ``LONGEST_STEP_S`` from now.
-        """
-        if self.realtime:
-            raise InputError("a glove in real time cannot be stepped; allowed: clock='virtual'")
-        to_ns = whole_number("to_ns", to_ns, 0, self.now_ns() + seconds_to_ns(LONGEST_STEP_S))
-        while self.now_ns() < to_ns:
-            self.follow(min(self.now_ns() + TICK_NS, to_ns))
-            self.tick(self.now_ns())
-
-    def _take(self, name: str, event: Event) -> None:
-        if name == "tactiles" and isinstance(event, FaultReported | Rebooted | Disarmed):
-            self._heat_booked = False
-        if isinstance(event, Telemetry):
-            self.telemetry[name] = event.message
-            self._read_faults(name, event.message)
-        elif isinstance(event, FaultReported):
-            label = event.fault.name.lower() if isinstance(event.fault, Fault) else f"fault {event.fault}"
-            where = "" if event.channel == NO_CHANNEL else f"channel {event.channel}, "
-            self._fault(f"{name}: {label} ({where}value {event.value})")
-        elif isinstance(event, Rebooted):
-            self._fault(f"{name}: the board rebooted; it stays disarmed until armed by hand")
-        elif isinstance(event, Disarmed):
-            if self._wanted_armed:
-                self._fault(f"{name}: disarmed by itself ({event.reason})")
-        elif isinstance(event, Lost):
-            self._fault(f"{name}: {event.error}")
-        for sink in self._event_sinks:
-            sink(name, event)
-
-    def _read_faults(self, name: str, message: Any) -> None:
-        if message.faults and self._wanted_armed:
-            self._fault(f"{name}: {fault_names(message.faults)}")
-
-    def _fault(self, text: str) -> None:
-        if text not in self.faults:
-            self.faults.append(text)
-
-    def _forbid(self, name: str) -> None:
-        """A board is no longer armed: what was asked of it is forgotten."""
-        self._permitted.discard(name)
-        if name == "tactiles" and self.tactiles is not None:
-            self.tactiles.set_armed(False, sure_until_ns=self.now_ns() - TELLING_NS - self._shift_ns())
-        elif name == "brake" and self.brakes is not None:
-            self.brakes.set_armed(False)
-
-    def _obeys(self, name: str) -> bool:
-        """Whether a board is there and armed now, whatever happened before."""
-        link = self.links.get(name)
-        return link is not None and link.armed and link.error is None
-
-    def _wait(self, condition: Callable[[], bool], timeout_s: float) -> bool:
-        """Let time pass with drivers ticking until ``condition`` holds."""
-        end_ns = self.now_ns() + seconds_to_ns(timeout_s)
-        while not condition():
-            now_ns = self.now_ns()
-            if now_ns >= end_ns:
-                return False
-            if self.realtime:
-                self._runner.wait_for(condition, TICK_NS / NS_PER_S)
-                self.follow(self.now_ns())
-            else:
-                self.follow(now_ns + TICK_NS)
-            self.tick(self.now_ns())
-        return True
-
-    # Arming and going off -------------------------------------------------------------------------------------------
+    # Calls ----------------------------------------------------------------------------------------------------------
 
     def arm(self) -> None:
-        """Arm every board, explicitly; the brake controller tests itself first. Nothing is wanted of an armed board yet.
+        """Arm every board; nothing is energised before. What was asked for until now is forgotten.
 
-        A board that is armed already is stopped first, so that it drops what it was asked for.
-
-        :raises CommandRefused: a board would not arm; everything is off then.
-        :raises LimitError: a board did not reach its armed state, or left it while another armed.
+        :raises HapticsError: a board would not; everything is off then.
         """
-        self._drop_wishes()
-        try:
-            self._stop_what_is_armed()
-            self.telemetry.clear()  # what a board said before it was armed says nothing about now
-            pendings = [link.arm(self.now_ns()) for link in self.links.values()]
-            for link, pending in zip(self.links.values(), pendings, strict=True):
-                self._finish_arming(link, pending)
-            self.follow(self.now_ns())
-            for name in self.links:
-                if not self._wait(lambda name=name: self._state_of(name) in _ARMED, ARM_TIMEOUT_S):
-                    state = self._state_of(name)
-                    seen = "nothing" if state is None else State(state).name.lower()
-                    raise LimitError(f"{name}: did not reach the armed state within {ARM_TIMEOUT_S:g} s; it says {seen}")
-            for name in self.links:
-                if not self._obeys(name):
-                    raise LimitError(f"{name}: disarmed itself while the other board armed")
-        except BaseException:
-            self.off()
-            raise
-        self._wanted_armed = True
-        self.times_armed += 1
-        self._permitted.update(self.links)
-        if self.tactiles is not None:
-            self._take_over_heat(self.tactiles)
-            self.tactiles.set_armed(True)
-        if self.brakes is not None:
-            self.brakes.set_armed(True)
+        with self.turn(missed_allowed=True) as devices:
+            devices.arm()
+            if self._service is not None:
+                self._service.served(armed=True)
 
-    def _stop_what_is_armed(self) -> None:
-        """Boards armed by this host, or still by another, are stopped; what they had been asked for is gone then."""
-        names = [name for name, link in self.links.items() if link.armed or self._state_of(name) in _ARMED]
-        for name in names:
-            self.telemetry.pop(name, None)
-            self.links[name].stop(self.now_ns())
-        rests = (State.DISARMED, State.FAULT)
-        self._wait(lambda: all(self._state_of(name) in rests for name in names), ARM_TIMEOUT_S)
+    def contact(self, site: str) -> None:
+        """Bring a pin out to the skin, where it stays, without power, until :meth:`release`.
 
-    def _take_over_heat(self, array: TactilesDriver) -> None:
-        note = heat.take_over(array.budgets, self._coils, self.telemetry["tactiles"].heat, self.now_ns(), self._heat_booked)
-        self._heat_booked = True
-        if note is not None and note not in self.notes:
-            self.notes.append(note)
+        :param site: of the array, such as ``index_tip``.
+        :raises InputError: no such site, or this glove has no array.
+        """
+        with self.turn() as devices:
+            array = self._array()
+            array.contact(one_of("site", site, array.sites), devices.now_ns())
 
-    def _finish_arming(self, link: Link, pending: Pending) -> None:
-        try:
-            finish(self._runner, pending, ARM_TIMEOUT_S, link.name)
-        except CommandRefused as error:
-            if pending.status == Status.HOT:
-                seen = f"coils are beyond what the board allows (mask {pending.detail or 0:#06x})"
-                advice = "a driver was stuck on: look at it, and let them cool for some seconds"
-                raise CommandRefused(link.name, seen, "arm", error.status, advice) from error
-            latched = fault_names(pending.detail or 0)
-            if pending.status != Status.INTERLOCK or not latched:
-                raise
-            advice = f"find out why, then clear it: off() of an open glove, or haptics off --port {link.name}"
-            raise CommandRefused(link.name, f"a fault is latched: {latched}", "arm", error.status, advice) from error
+    def release(self, site: str) -> None:
+        """Take a pin back in.
 
-    def _state_of(self, name: str) -> int | None:
-        message = self.telemetry.get(name)
-        return None if message is None else message.state
+        :param site: of the array.
+        :raises InputError: no such site, or this glove has no array.
+        """
+        with self.turn() as devices:
+            array = self._array()
+            array.release(one_of("site", site, array.sites), devices.now_ns())
+
+    def pulse(self, site: str, count: int = 1, rate_hz: float = 50.0) -> None:
+        """Taps: the pin toward the skin and back at once. Each may be denied by heat or current, which :meth:`results` reports.
+
+        :param site: of the array.
+        :param count: how many, 1 to 1000.
+        :param rate_hz: 1 to 100 Hz.
+        :raises InputError: no such site, no whole number, or out of range.
+        """
+        with self.turn() as devices:
+            array = self._array()
+            one_of("site", site, array.sites)
+            count = whole_number("count", count, 1, 1000)
+            period_ns = seconds_to_ns(1.0 / number("rate_hz", rate_hz, 1.0, 100.0, "Hz"))
+            array.train(site, count, period_ns, devices.now_ns())
+
+    def burst(self, site: str, cycles: int = MAX_CYCLES) -> None:
+        """A short buzz at 200 Hz (thesis 3.4.5), which something more urgent may cut at the end of a cycle.
+
+        :param site: of the array.
+        :param cycles: of 5 ms, 1 to 10: a burst lasts at most 50 ms (thesis 3.5.2).
+        :raises InputError: no such site, no whole number, or out of range.
+        """
+        with self.turn() as devices:
+            array = self._array()
+            one_of("site", site, array.sites)
+            array.burst(site, whole_number("cycles", cycles, 1, MAX_CYCLES), devices.now_ns())
+
+    def brake(
+        self,
+        name: str,
+        force_n: float | None = None,
+        volts: float | None = None,
+        ttl_s: float = 0.2,
+        frequency_hz: float | None = None,
+    ) -> float:
+        """Hold a brake for a while, by force or by volts. Brakes that are on together share the highest volts and frequency.
+
+        :param name: of the brake, such as ``index``.
+        :param force_n: what it has to hold, N; volts follow from its fitted law (thesis 4.7.1).
+        :param volts: amplitude, V, 0 to the limit of configuration and board.
+        :param ttl_s: how long, 1 ms to 60 s; call again before it ends to go on.
+        :param frequency_hz: of the square wave, 0.1 Hz to the limit; the configuration's if None.
+        :return: the volts asked for, V.
+        :raises InputError: neither or both of force and volts, out of range, no such brake, or this glove has no brakes.
+        """
+        with self.turn() as devices:
+            brakes = self._brakes()
+            one_of("name", name, brakes.channels)
+            ttl_s = number("ttl_s", ttl_s, 0.001, 60.0, "s")
+            if frequency_hz is not None:
+                frequency_hz = number("frequency_hz", frequency_hz, 0.1, brakes.max_frequency_hz, "Hz")
+            volts = self._volts(name, force_n, volts, brakes.max_amplitude_v)
+            brakes.engage(name, volts, devices.now_ns(), ttl_s, frequency_hz)
+            return volts
+
+    def release_brake(self, name: str | None = None) -> None:
+        """Let go of a brake before its time.
+
+        :param name: of the brake; all of them if None.
+        :raises InputError: no such brake, or this glove has no brakes.
+        """
+        with self.turn() as devices:
+            brakes = self._brakes()
+            if name is None:
+                brakes.release_all(devices.now_ns())
+            else:
+                brakes.release(one_of("name", name, brakes.channels), devices.now_ns())
+
+    def piezo(self, name: str, duration_s: float = 0.3) -> None:
+        """Vibrate the fingertip piezo beside a brake, as at the begin of a grasp (thesis 4.6.1).
+
+        :param name: of the brake.
+        :param duration_s: 1 ms to 1 s.
+        :raises InputError: no such brake, out of range, or this glove has no brakes.
+        """
+        with self.turn() as devices:
+            brakes = self._brakes()
+            one_of("name", name, brakes.channels)
+            brakes.piezo([name], number("duration_s", duration_s, 0.001, LONGEST_PIEZO_S, "s"), devices.now_ns())
+
+    def advance(self, seconds: float) -> None:
+        """Let virtual time pass.
+
+        :param seconds: 0 to a million.
+        :raises InputError: out of range, or the glove runs in real time.
+        """
+        seconds = number("seconds", seconds, 0.0, LONGEST_STEP_S, "s")
+        with self.turn() as devices:
+            if devices.realtime:
+                raise InputError("time of this glove passes by itself; only one opened with clock='virtual' can be advanced")
+            end_ns = devices.now_ns() + seconds_to_ns(seconds)
+            while (now_ns := devices.now_ns()) < end_ns:
+                devices.follow(min(now_ns + TICK_NS, end_ns))
+                self._tick(devices.now_ns())
 
     def off(self) -> None:
-        """Pins withdrawn, then volts to zero and bridges shorted, then disarmed. Never raises for a link that is gone.
+        """Pins withdrawn, volts zero, disarmed; then latched faults are cleared, as ``haptics off`` does.
 
-        Each board that is armed now goes off in this order, whatever happened to the other one, or to itself before.
+        Those whose cause is still there stay, and ``arm`` names them. ``close``, and the end of a ``with``, clear none.
         """
-        try:
-            self._withdraw_pins()
-            self._drop_volts()
-        finally:  # also when the one who waits is interrupted
-            self._wanted_armed = False
-            pendings = [link.stop(self.now_ns()) for link in self.links.values() if link.error is None]
-            self._drop_wishes()
-        self._wait(lambda: all(pending.done for pending in pendings), OFF_TIMEOUT_S)
-
-    def _withdraw_pins(self) -> None:
-        if self.tactiles is None:
-            return
-        self.tactiles.end("ended")
-        if "tactiles" in self._permitted and self._obeys("tactiles"):
-            self.tactiles.withdraw_all(self.now_ns())
-            self._wait(self._pins_settled, OFF_TIMEOUT_S)
-
-    def _drop_volts(self) -> None:
-        brakes = self.brakes
-        if brakes is not None and self._obeys("brake") and brakes.engaged():
-            brakes.release_all(self.now_ns())
-            self._wait(lambda: brakes.idle, OFF_TIMEOUT_S)
-
-    def _drop_wishes(self) -> None:
-        """Whatever was asked for is forgotten, and nothing more is taken until the next arming."""
-        self._permitted.clear()
-        if self.tactiles is not None:
-            self.tactiles.set_armed(False, sure_until_ns=self.now_ns() - self._shift_ns())
-        if self.brakes is not None:
-            self.brakes.set_armed(False)
-
-    def _pins_settled(self) -> bool:
-        return self.tactiles is None or (self.tactiles.idle and self.now_ns() > self._last_pulse_ends_ns())
-
-    def _last_pulse_ends_ns(self) -> int:
-        """On the board."""
-        return 0 if self.tactiles is None else self.tactiles.busy_until_ns + self._shift_ns()
-
-    def _shift_ns(self) -> int:
-        """What was sent over a coarse line plays later than asked for, by at most this."""
-        return 2 * self.links["tactiles"].shift_ns
-
-    def clear_faults(self) -> None:
-        """Boards that are off clear what has latched, where its cause is gone; what stays, arming names.
-
-        For a person to ask for: nothing does it by itself.
-        """
-        now_ns = self.now_ns()
-        pendings = [link.send("disarm", now_ns=now_ns) for link in self.links.values() if link.ready]
-        self._wait(lambda: all(pending.done for pending in pendings), OFF_TIMEOUT_S)
+        with self.turn(missed_allowed=True, ended_allowed=True) as devices:
+            self._all_off(devices.clear_faults)
+            if self._service is not None:
+                self._service.served()
 
     def close(self) -> None:
-        """Close the ports; call :meth:`off` first."""
-        for link in self.links.values():
-            link.close()
+        """Go off and close the ports, whatever goes wrong meanwhile; a recording is made whole. A second call does nothing.
 
-    # What a simulated glove knows besides ---------------------------------------------------------------------------
-
-    def plant(self, name: str) -> SimulatedPort | None:
-        """The simulated plant behind a board, or None for hardware.
-
-        :raises InputError: a board that no glove has.
+        :raises HapticsError: a call of another thread does not end, so that boards were left to their dead-man; or no recording
+            could be made.
         """
-        link = self.links.get(one_of("name", name, tuple(_PARTS)))
-        return None if link is None else simulated(link.port)
+        with self._closing:
+            if self._closed or os.getpid() != self._process:  # the ports are another process's, and its boards go on
+                return
+            self._ending = True
+            trouble: BaseException | None = None
+            try:
+                self._go_off()
+            except BaseException as error:
+                trouble = error
+                raise
+            finally:
+                self._closed = True
+                atexit.unregister(self.close)
+                try:
+                    self.devices.close()
+                except BaseException:  # interrupted between two ports
+                    self.devices.close()
+                    raise
+                finally:
+                    if self._recording is not None:
+                        self._recording.end(trouble if self._service is None else trouble or self._service.error)
+
+    # What is known --------------------------------------------------------------------------------------------------
+
+    def now_ns(self) -> int:
+        """The glove's clock, on which poses, results and state have their times.
+
+        :return: ns; of the machine's monotonic clock in real time, from 0 in virtual time.
+        """
+        return self.devices.now_ns()
+
+    def results(self) -> list[Result]:
+        """What became of what was asked for: of each contact, release, pulse, burst, brake and piezo.
+
+        A brake gives another result, not played, where a board did not go on holding it. While a session is on the glove results
+        are in its ``results`` and ``brake_results``, and none here.
+
+        :return: results since the last call.
+        """
+        with self.turn(missed_allowed=True):
+            self._collect()
+            results, self._results = self._results, []
+            return results
+
+    def state(self) -> GloveState:
+        """What the host knows of the glove.
+
+        :return: temperatures, pins, volts, forces, faults, and how old what boards reported is.
+        """
+        with self.turn(missed_allowed=True, ended_allowed=True) as devices:
+            faults = () if self._service is None else self._service.faults
+            return glove_state(devices, self.configuration.brake, self._telemetry, faults)
+
+    def telemetry(self) -> GloveTelemetry:
+        """What boards reported last.
+
+        :return: by board, in SI units.
+        """
+        with self.turn(missed_allowed=True, ended_allowed=True):
+            return glove_telemetry(self._telemetry)
+
+    def identity(self) -> GloveIdentity:
+        """Who the boards are, and the limits that they enforce.
+
+        :return: by board.
+        """
+        with self.turn(missed_allowed=True, ended_allowed=True) as devices:
+            return glove_identity(devices)
+
+    def truth(self) -> PlantTruth | None:
+        """What the simulated plants are now, whatever boards report of them.
+
+        :return: the truth, or None on hardware.
+        """
+        with self.turn(missed_allowed=True, ended_allowed=True):
+            return self._sampler.look() if self._session is None else self._session.plants()
+
+    # Sessions -------------------------------------------------------------------------------------------------------
+
+    @contextmanager
+    def turn(self, missed_allowed: bool = False, ended_allowed: bool = False) -> Iterator[Devices]:
+        """The glove's devices, for one call alone; the thread that serves them waits meanwhile, so be quick.
+
+        :param missed_allowed: also while the boards have made themselves safe for want of their host.
+        :param ended_allowed: also after the thread that served the glove has ended.
+        :return: the devices.
+        :raises GloveEnded: it is closed, no longer served, or another process's.
+        :raises DeadManMissed: boards made themselves safe meanwhile.
+        """
+        if os.getpid() != self._process:  # before the lock, which a thread that is not here may hold
+            raise GloveEnded(f"this glove is served by process {self._process}, which forked this one; use it there")
+        with self._lock:
+            if self._ending:
+                raise GloveEnded("this glove is closed; open another with haptics.open")
+            service = self._service
+            if service is not None:
+                service.catch_up()
+            if service is not None and not (ended_allowed if service.ended else missed_allowed):
+                service.check()
+            yield self.devices
+
+    def take_on(self, session: Rendered) -> None:
+        """From when it has begun, a session is ticked in the drivers' place; one that was there before is no longer.
+
+        :param session: on this glove.
+        """
+        with self.turn(missed_allowed=True):
+            self._session = session
+
+    def let_go_of(self, session: Rendered) -> None:
+        """A session has ended.
+
+        :param session: nothing happens if another one has taken its place.
+        """
+        with self.turn(missed_allowed=True, ended_allowed=True):
+            if self._session is session:
+                self._session = None
+
+    # ------------------------------------------------------------------------------------------------------------------
+
+    def _tick(self, now_ns: int) -> None:
+        if self._session is not None and self._session.begun:
+            self._session.serve(now_ns)
+            return
+        self.devices.tick(now_ns)
+        if self.recorder is not None:
+            self._collect()
+            self._sampler.due(now_ns)
+            self.recorder.acknowledge(now_ns)
+
+    def _collect(self) -> None:
+        """Take in results, and record them; a session that has begun takes its own."""
+        if self._session is not None and self._session.begun:
+            return
+        coils = [] if self.devices.tactiles is None else self.devices.tactiles.take_results()
+        brakes = [] if self.devices.brakes is None else self.devices.brakes.take_results()
+        self._results += [*coils, *brakes]
+        if self.recorder is not None:
+            now_ns = self.devices.now_ns()
+            for result in coils:
+                self.recorder.request(now_ns, result)
+            for result in brakes:
+                self.recorder.brake_request(now_ns, result)
+
+    def _go_off(self) -> None:
+        if self._service is not None:
+            self._service.stop()
+        if not self._lock.acquire(timeout=JOIN_S):
+            raise HapticsError(
+                f"the glove was closed without going off: a call of another thread has not ended for {JOIN_S:g} s; boards that "
+                "hear nothing more make themselves safe by their dead-man, pins stay as they are"
+            )
+        try:
+            if self._recording is not None:
+                self._recording.hold_errors()
+            self._all_off()
+            self._settle()
+        finally:
+            self._lock.release()
+
+    def _settle(self) -> None:
+        """What came out while the glove went off."""
+        if self._session is not None and self._session.begun:
+            self._session.settle()
+        elif self.recorder is not None:
+            self._collect()
+            self._sampler.sample(self.devices.now_ns())
+
+    def _all_off(self, then: Callable[[], None] = lambda: None) -> None:
+        try:
+            go_off(self.devices)
+            then()
+        except Exception:
+            if self._service is None or not self._service.ended:  # else it was reported already, and boards were stopped
+                raise
+
+    def _note(self, board: str, event: Event) -> None:
+        if isinstance(event, Telemetry):
+            self._telemetry[board] = event
+
+    def _volts(self, name: str, force_n: object, volts: object, max_v: float) -> float:
+        """Volts for a brake, given by exactly one of its force and its volts."""
+        if (force_n is None) == (volts is None):
+            raise InputError(f"force_n = {force_n}, volts = {volts}; expected exactly one of them")
+        if force_n is None:
+            return number("volts", volts, 0.0, max_v, "V")
+        law, overlap_m2 = self.configuration.brake.law(name)
+        # The thumb's law is fitted to 800 V; a brake may be driven to the configured maximum all the same.
+        held_n = law.force_n(max_v, overlap_m2, extrapolate=True)
+        asked_n = number("force_n", force_n, 0.0, 1e6, "N")
+        needed_v = law.volts_for(asked_n, overlap_m2, extrapolate=True)
+        if asked_n > held_n:
+            raise InputError(
+                f"force_n = {asked_n:g} N needs {needed_v:.0f} V; the {name} brake holds at most {held_n:.3g} N at {max_v:g} V"
+            )
+        return min(needed_v, max_v)
+
+    def _array(self) -> TactilesDriver:
+        if self.devices.tactiles is None:
+            raise InputError("this glove was opened without a tactor array; open it with tactiles=…")
+        return self.devices.tactiles
+
+    def _brakes(self) -> BrakeDriver:
+        if self.devices.brakes is None:
+            raise InputError("this glove was opened without a brake controller; open it with brake=…")
+        return self.devices.brakes
+
+
+def open(
+    config: str | PathLike[str] | Configuration | None = None,
+    *,
+    tactiles: str | None = None,
+    brake: str | None = None,
+    clock: Literal["real", "virtual"] = "real",
+    seed: int = 1,
+    record: str | PathLike[str] | None = None,
+    force: bool = False,
+) -> Glove:
+    """Open a glove: by configuration, or by naming ports; a board that is named by neither is left out.
+
+    :param config: a file (``glove.toml``), what ``load_configuration`` made of one, or None: the defaults, on simulated boards.
+    :param tactiles: port URL of the tactor array, instead of the configuration's.
+    :param brake: port URL of the brake controller, likewise. Without ``config``, naming one port leaves out the other board.
+    :param clock: ``real``, in which a thread serves the glove; ``virtual`` to step simulated boards with ``advance``.
+    :param seed: of simulated boards, 0 to 2**32 - 1.
+    :param record: HDF5 file to record all of it in, finished by ``close``; None records nothing.
+    :param force: overwrite a recording that exists.
+    :return: the glove, open and not armed.
+    :raises HapticsError: a file, port or board that cannot be used.
+    """
+    one_of("clock", clock, ("real", "virtual"))
+    seed = whole_number("seed", seed, 0, 2**32 - 1)
+    for name, url in (("tactiles", tactiles), ("brake", brake)):
+        if url is not None:
+            check_port(url, name)
+    recording = None if record is None else GloveRecording(file_path("record", record), truth("force", force))
+    configuration = config if isinstance(config, Configuration) else load_configuration(config)
+    configuration = with_ports(configuration, tactiles, brake)
+    some = config is None and (tactiles is not None or brake is not None)
+    devices = Devices(
+        None if some and tactiles is None else configuration.tactiles,
+        None if some and brake is None else configuration.brake,
+        realtime=clock == "real",
+        seed=seed,
+        wire_tap=None if recording is None else recording.wire,
+    )
+    return Glove(devices, configuration, recording, seed)

@@ -1,7 +1,7 @@
-"""Heat that outlives hosts: what a board's account says of the time before, taken over when a glove is armed.
+"""Heat that outlives hosts: what a board's account holds of the time before, taken over when a glove is armed.
 
 A board keeps on-time accounts (telemetry ``heat``) through hosts that come and go, and through resets; where it cannot know, it
-starts them at its limit. A host that begins takes them over as the most that may be behind them (``CoilHeat.rise_k``).
+starts them at its limit. A host that begins takes them over as the maximum that may be behind them (``CoilHeat.rise_k``).
 """
 
 from __future__ import annotations
@@ -20,11 +20,15 @@ last used starts its accounts at 100 ms (2 K)."""
 def take_over(
     budgets: Sequence[ThermalBudget], coils: Sequence[CoilHeat], account: Sequence[int], now_ns: int, booked: bool
 ) -> str | None:
-    """Raise each budget to what the board's account says, where that is more than this host knows of; a note if it is much.
+    """Raise each budget to what the board's account holds, where that is more than this host knows of.
 
+    :param budgets: of this host, by channel; changed in place.
+    :param coils: what each account goes by, by channel.
     :param account: telemetry's ``heat``, a count of ``HEAT_UNIT_MS``, rounded up, for each channel.
+    :param now_ns: ns on the glove's clock.
     :param booked: since this host last armed nothing has happened that it did not ask for, so that what the account is above its
         own by less than the rounding is the rounding.
+    :return: a note for people where coils start warm, else None.
     """
     warm: list[tuple[float, float]] = []
     unit_s = HEAT_UNIT_MS / 1000

@@ -1,7 +1,7 @@
-"""Make boards safe: whatever is found is told to stop, and asked whether it did.
+"""Make boards safe: whatever is found is stopped, and asked whether it did.
 
-A stop needs no more than a board that says who it is, so it is sent even where the rest of the handshake fails. Faults that
-latched are cleared if their cause is gone: this is how a person who has looked at a board hands it back. Arming stays a
+A stop needs no more than a board that has identified itself, so it is sent even where the rest of the handshake fails. Faults
+that latched are cleared if their cause is gone: this is how a person who has looked at a board hands it back. Arming stays a
 separate step.
 """
 
@@ -13,17 +13,20 @@ from dataclasses import dataclass
 from haptics.errors import InputError, LinkError, NotABoard
 from haptics.link.connection import Link
 from haptics.link.ports import list_ports, open_port
+from haptics.link.readings import fault_names
 from haptics.link.runner import RealtimeRunner, connect, finish
 from haptics.link.session import LinkSession
-from haptics.session.faults import fault_names
 
 
 @dataclass(frozen=True, slots=True)
 class Off:
     """One port's outcome.
 
-    ``safe``: a board said that it is off and no fault's cause is left. A port that was found, not named, with no board behind it,
-    counts as safe too.
+    :param port: its URL.
+    :param board: ``tactiles`` or ``brake``, or None if none was found.
+    :param safe: a board reported that it is off, and no fault's cause is left. A port that was found, not named, with no board
+        behind it counts as safe too.
+    :param result: in words.
     """
 
     port: str
@@ -36,6 +39,10 @@ def make_safe(ports: Sequence[str] | None = None, timeout_s: float = 5.0) -> lis
     """Stop and disarm the boards on these ports, or on every real port found.
 
     One that fails, or whose name is none, keeps none of the others from being made safe.
+
+    :param ports: URLs, each looked at once; every real port found if None.
+    :param timeout_s: for the handshake with each board, s.
+    :return: what became of each, in their order.
     """
     named = ports is not None
     urls = ports if ports is not None else [port.url for port in list_ports() if not port.simulated]
@@ -62,7 +69,7 @@ def _make_safe(url: str, named: bool, timeout_s: float) -> Off:
 def _off(runner: RealtimeRunner, link: Link, timeout_s: float) -> str:
     """Stop, then clear what has latched; returns the faults that stay.
 
-    :raises LinkError: no board, or one that did not answer; it was told to stop if it could be.
+    :raises LinkError: no board, or one that did not answer; it was stopped if it could be.
     """
     try:
         connect(runner, timeout_s=timeout_s)
@@ -71,7 +78,8 @@ def _off(runner: RealtimeRunner, link: Link, timeout_s: float) -> str:
             finish(runner, link.stop(runner.now_ns()), port=link.name)
         raise
     finish(runner, link.stop(runner.now_ns()), port=link.name)
-    return fault_names(finish(runner, link.send("disarm", now_ns=runner.now_ns()), port=link.name).detail or 0)
+    disarmed = finish(runner, link.send("disarm", now_ns=runner.now_ns()), port=link.name)
+    return ", ".join(fault_names(disarmed.detail or 0))
 
 
 def _name(link: Link) -> str | None:

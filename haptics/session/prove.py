@@ -18,10 +18,15 @@ ALL_REFERENCE = {"latch": "reference", "brake": "reference"}
 def prove_plan(scene: str, hand: str, configuration: Configuration, options: RunOptions) -> Proof:
     """Run twice, in virtual time, and compare.
 
+    :param scene: a shipped scene's name, or a file.
+    :param hand: a shipped motion's name, or a file.
+    :param configuration: of the glove.
+    :param options: of the run; its levels and tolerance are those under proof.
+    :return: what differs, and whether anybody could notice.
     :raises InputError: a scene, hand or option that cannot be used, or real time, in which no two runs are alike.
     """
     if options.realtime or options.port_tactiles or options.port_brake:
-        raise InputError("realtime or a port of one's own is not allowed; allowed: the simulated glove in virtual time")
+        raise InputError("a plan is proved on the simulated glove in virtual time; leave out realtime and ports")
     planned, report, planned_s = _run(scene, hand, configuration, options)
     reference, _, reference_s = _run(scene, hand, configuration, replace(options, levels=ALL_REFERENCE))
     rows = compare(_played(planned, configuration), _played(reference, configuration), options.tolerance_jnd)
@@ -37,7 +42,7 @@ def _run(scene: str, hand: str, configuration: Configuration, options: RunOption
 
 
 def _played(session: Session, configuration: Configuration) -> Played:
-    array, brakes, brake = session.glove.tactiles, session.glove.brakes, configuration.brake
+    array, brakes, brake = session.devices.tactiles, session.devices.brakes, configuration.brake
     asked = None if array is None else [(r.site, r.kind, r.played, r.reason) for r in session.results]
     if brakes is None:
         return Played(session.truth, asked, None)

@@ -1,6 +1,6 @@
 """What a run records: its streams, and one method for each kind of row.
 
-The journal does the writing; this file says what a row means. Host times are the run's clock.
+The journal does the writing; this file defines what a row means. Host times are the run's clock.
 """
 
 from __future__ import annotations
@@ -14,11 +14,13 @@ from typing import Any
 
 import numpy as np
 
+from haptics.devices import Result
 from haptics.link.clock import ClockFit
 from haptics.link.events import Disarmed, Event, FaultReported, Identified, Lost, Rebooted, Telemetry
 from haptics.link.messages import BRAKE_CHANNELS, COIL_CHANNELS
 from haptics.recording import Journal, StreamSpec
 from haptics.scene.hands.frame import HandFrame
+from haptics.scene.sites import SITES, nominal_sites
 from haptics.time import NS_PER_MS, NS_PER_S
 from haptics.version import __version__
 
@@ -64,7 +66,7 @@ RUN_STREAMS = (
         "Every pulse asked for, when its outcome was known; start_ns is 0 for one that was denied.",
     ),
 )
-"""What a run has beside what its links say."""
+"""What a run has beside the streams of its links."""
 LINK_STREAMS = (
     _spec(
         "events",
@@ -128,10 +130,22 @@ LINK_STREAMS = (
     ),
 )
 """What happened, and what went over the links."""
+HAND_STREAMS = (
+    _spec(
+        "brake_requests",
+        [("brake", "S32"), ("kind", "S10"), ("played", "u1"), ("reason", "S16"), ("start_ns", "i8")],
+        {"start_ns": "ns"},
+        "Every brake and piezo asked for, when its outcome was known; start_ns is 0 for one that was denied.",
+    ),
+)
+"""What a glove driven by hand has besides: what became of its calls for brakes."""
 
 
 def provenance() -> dict[str, Any]:
-    """What made a recording: program, commit if it runs from a checkout, interpreter, machine. No time, no user, no host name."""
+    """What made a recording; no time, no user, no host name.
+
+    :return: program, version, commit if it runs from a checkout (else None), interpreter, numpy, machine.
+    """
     return {
         "program": "haptics",
         "version": __version__,
@@ -140,6 +154,16 @@ def provenance() -> dict[str, Any]:
         "numpy": np.__version__,
         "machine": f"{platform.system()} {platform.machine()}",
     }
+
+
+def sites_of_joints() -> dict[str, Any]:
+    """Where the tactors sit on the joints, so that a recording can be drawn without this program.
+
+    :return: ``names`` of the sites, and ``weights``, ``offset_joint`` and ``offset_m`` of ``haptics.scene.sites.SiteMap``.
+    """
+    sites = nominal_sites()
+    parts = (sites.weights, sites.offset_joint, sites.offset_m)
+    return {"names": list(SITES), **{k: v.tolist() for k, v in zip(("weights", "offset_joint", "offset_m"), parts, strict=True)}}
 
 
 def _git_commit() -> str | None:
@@ -154,8 +178,12 @@ def _git_commit() -> str | None:
 
 
 class LinkRecorder:
-    """Rows of events and links, and of any further ``streams``, on their way into a journal.
+    """Rows of events and links, and of any further streams, on their way into a journal.
 
+    :param path: of the journal.
+    :param header: written first: what made the recording, and what it is of.
+    :param force: a journal that holds nothing may be replaced.
+    :param streams: declared besides.
     :raises InputError: the journal's path is taken or cannot be written.
     """
 
@@ -166,16 +194,35 @@ class LinkRecorder:
         self._commit_ns = 0
 
     def event(self, now_ns: int, kind: str, subject: str = "", object_name: str = "", detail: str = "") -> None:
+        """Something happened.
+
+        :param now_ns: when, ns.
+        :param kind: what, at most 20 bytes, such as ``touch``.
+        :param subject: to what, such as a site or a board.
+        :param object_name: of the scene.
+        :param detail: in words, at most 96 bytes.
+        """
         self.streams["events"].append((now_ns, kind, subject, object_name, detail))
 
     def wire(self, now_ns: int, port: str, to_board: bool, data: bytes) -> None:
+        """Bytes went over a link.
+
+        :param now_ns: when, ns.
+        :param port: ``tactiles`` or ``brake``.
+        :param to_board: their direction.
+        :param data: any number of bytes.
+        """
         stream = self.streams["wire"]
         for at in range(0, len(data), WIRE_BYTES):
             piece = data[at : at + WIRE_BYTES]
             stream.append((now_ns, PORTS[port], to_board, len(piece), piece.ljust(WIRE_BYTES, b"\0")))
 
     def link_event(self, board: str, event: Event) -> None:
-        """What a link reported."""
+        """A link reported something; what has no row is passed over.
+
+        :param board: ``tactiles`` or ``brake``.
+        :param event: what.
+        """
         if isinstance(event, Telemetry):
             self.streams[type(event.message).__name__].append((event.time_ns, *event.message))
         elif isinstance(event, ClockFit):
@@ -188,22 +235,35 @@ class LinkRecorder:
             self.event(event.time_ns, "fault", board, "", str(event))
 
     def acknowledge(self, now_ns: int) -> None:
-        """Commit what is buffered if the last commit is 50 ms old; a kill loses at most what came since."""
+        """Commit what is buffered if the last commit is 50 ms old; a kill loses at most what came since.
+
+        :param now_ns: ns.
+        """
         if now_ns >= self._commit_ns:
             self._commit_ns = now_ns + COMMIT_NS
             self.journal.commit()
 
 
 class Recorder(LinkRecorder):
-    """Rows of a run on their way into a journal.
+    """Rows of a run, or of a glove driven by hand, on their way into a journal.
 
+    :param path: of the journal.
+    :param header: see ``LinkRecorder``.
+    :param force: see ``LinkRecorder``.
+    :param by_hand: with a stream of what became of calls for brakes.
     :raises InputError: the journal's path is taken or cannot be written.
     """
 
-    def __init__(self, path: str | os.PathLike[str], header: Mapping[str, Any], force: bool):
-        super().__init__(path, header, force, RUN_STREAMS)
+    def __init__(self, path: str | os.PathLike[str], header: Mapping[str, Any], force: bool, *, by_hand: bool = False):
+        super().__init__(path, header, force, (*RUN_STREAMS, *(HAND_STREAMS if by_hand else ())))
 
     def pose(self, now_ns: int, frame: HandFrame, accepted: bool) -> None:
+        """A pose arrived.
+
+        :param now_ns: when, ns.
+        :param frame: well formed.
+        :param accepted: False for one that was refused.
+        """
         self.streams["poses"].append(
             (
                 now_ns,
@@ -217,7 +277,33 @@ class Recorder(LinkRecorder):
         )
 
     def tick(self, now_ns: int, rise_k: Any, pin_out: Any, volts: Any, force_n: Any, piezo: Any) -> None:
+        """The devices now.
+
+        :param now_ns: ns.
+        :param rise_k: (15,), temperature rise of each coil, K.
+        :param pin_out: (15,), 1 where the pin is out.
+        :param volts: (5,), at each output, V.
+        :param force_n: (5,), what each brake holds, N.
+        :param piezo: (5,), 1 where it vibrates.
+        """
         self.streams["ticks"].append((now_ns, rise_k, pin_out, volts, force_n, piezo))
 
-    def request(self, now_ns: int, site: str, kind: str, played: bool, reason: str | None, start_ns: int | None) -> None:
-        self.streams["requests"].append((now_ns, site, kind, played, reason or "", start_ns or 0))
+    def request(self, now_ns: int, result: Result) -> None:
+        """What became of a request for a coil.
+
+        :param now_ns: when that was known, ns.
+        :param result: of the driver of the array.
+        """
+        self._result("requests", now_ns, result)
+
+    def brake_request(self, now_ns: int, result: Result) -> None:
+        """What became of a call for a brake or piezo; a run's recording has no row for it.
+
+        :param now_ns: when that was known, ns.
+        :param result: of the driver of the brakes.
+        """
+        if "brake_requests" in self.streams:
+            self._result("brake_requests", now_ns, result)
+
+    def _result(self, stream: str, now_ns: int, one: Result) -> None:
+        self.streams[stream].append((now_ns, one.site, one.kind, one.played, one.reason or "", one.start_ns or 0))

@@ -42,7 +42,11 @@ _MISSING: dict[str, Any] = {"levels": {}, "tolerance_jnd": 0.0, "budget_s_per_s"
 class Replay:
     """How a replay compares.
 
-    :param identical: every byte both ways went over the wire at the same time.
+    :param recording: the file that was replayed.
+    :param scene: its name.
+    :param identical: every byte to and from the boards went over the wire at the same time.
+    :param wire_rows: rows of wire bytes in the recording.
+    :param replayed_rows: the same in the replay.
     :param first_difference_ns: run time of the first row of wire bytes that differs, or None.
     """
 
@@ -57,6 +61,8 @@ class Replay:
 def replay_recording(path: str | Path) -> Replay:
     """Replay in virtual time, with the recorded scene, configuration, seed and latency.
 
+    :param path: of a recording that a run made in virtual time.
+    :return: how the two compare.
     :raises InputError: not a recording of a run, or one made in real time, whose times cannot be had again.
     """
     path = Path(path)
@@ -65,12 +71,12 @@ def replay_recording(path: str | Path) -> Replay:
     if "scene_source" not in header or "wire" not in recording:
         raise InputError(f"{path} cannot be replayed: it is no recording of `haptics run`")
     if recording.streams["wire"].dtype != _WIRE.dtype:
-        raise InputError(
-            f"{path} cannot be replayed: its stream wire has fields of other types; allowed: as `haptics run` records it"
-        )
+        raise InputError(f"{path} cannot be replayed: its stream wire has other fields than `haptics run` records")
     _check_header(path, header)
     if header["realtime"]:
-        raise InputError(f"{path} cannot be replayed to the byte: it was made in real time; allowed: recordings in virtual time")
+        raise InputError(
+            f"{path} cannot be replayed to the byte: it was made in real time, and only virtual time can be had again"
+        )
     options = RunOptions(
         port_tactiles=header["ports"]["tactiles"],
         port_brake=header["ports"]["brake"],

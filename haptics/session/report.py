@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from haptics.devices.tactiles import COMMAND_LEAD_NS
+from haptics.devices.pace import COMMAND_LEAD_NS
 from haptics.fidelity import Plan
 from haptics.judging.felt import track_truths
 from haptics.judging.onset import AFTER_START_NS, BEFORE_END_NS, Onsets, Touched, held_acts, onset_statistics, touches_on
@@ -44,14 +44,26 @@ def build_report(
     tick_ns: int,
     out: Path | None,
 ) -> dict[str, Any]:
-    """The object that ``haptics run --json`` prints."""
+    """The object that ``haptics run --json`` prints.
+
+    :param session: ended.
+    :param plan: which models the devices had.
+    :param motion: what was played, and what of it was refused.
+    :param latency_ns: from sampling a pose to its arrival, ns.
+    :param start_ns: when the hand's motion began, ns on the glove's clock.
+    :param ticks: how many there were.
+    :param ticks_missed: how many came over a period late; None in virtual time.
+    :param tick_ns: their period, ns.
+    :param out: the recording, or None.
+    :return: plain data.
+    """
     recording, frames, side = motion.recording, motion.frames, motion.side
     events = Counter(event.kind for event in session.events)
-    faults = [*session.glove.faults, *(f"watchdog: {e.detail}" for e in session.events if e.kind == "watchdog")]
+    faults = [*session.devices.faults, *(f"watchdog: {e.detail}" for e in session.events if e.kind == "watchdog")]
     denied = Counter(str(result.reason) for result in session.results if not result.played)
     played = sum(result.played for result in session.results)
     felt = _felt(session, played, denied)
-    faults += [fault for one in felt if (fault := fault_of(one, session.glove.links.get(one.board))) is not None]
+    faults += [fault for one in felt if (fault := fault_of(one, session.devices.links.get(one.board))) is not None]
     return {
         "scene": session.scene.name,
         "hand": {
@@ -71,7 +83,7 @@ def build_report(
         },
         "failed_share": {one.board: one.share for one in felt},
         "largest_failed_share": LARGEST_FAILED_SHARE,
-        "shift_ms": {name: link.shift_ns / NS_PER_MS for name, link in session.glove.links.items()},
+        "shift_ms": {name: link.shift_ns / NS_PER_MS for name, link in session.devices.links.items()},
         "onset_error_ms": _onset(session, frames, latency_ns, start_ns, tick_ns),
         "actuators": _actuators(session, plan),
         "brakes": _brakes(session),
@@ -87,10 +99,10 @@ def build_report(
 
 def _felt(session: Session, played: int, denied: Mapping[str, int]) -> list[FeltShare]:
     """Of each board: what was asked of it, and what of that failed."""
-    shares = [] if session.glove.tactiles is None else [felt_share("tactiles", played, denied)]
-    if session.glove.brakes is not None:
+    shares = [] if session.devices.tactiles is None else [felt_share("tactiles", played, denied)]
+    if session.devices.brakes is not None:
         refused = Counter(event.detail for event in session.events if event.kind == "derated" and event.subject in BRAKE_COMMANDS)
-        sent = max(session.glove.brakes.commands, refused.total())
+        sent = max(session.devices.brakes.commands, refused.total())
         shares.append(felt_share("brake", sent - refused.total(), refused))
     return shares
 
@@ -118,7 +130,7 @@ def _onset(session: Session, frames: Sequence[HandFrame], latency_ns: int, start
             acted = [ns for ns in pins.get(site, ()) if first_ns <= ns <= last_ns + AFTER_NS]
             measured.add(on_site, acted, judged_ns)
             measured.hold.add(on_site, held, judged_ns)
-        if session.glove.brakes is not None and scene.needs.brakes:
+        if session.devices.brakes is not None and scene.needs.brakes:
             begins = [Touched(ns, -1, name, counted=judged_ns[0] <= ns <= judged_ns[1]) for ns, name in truth.grasp_ns]
             brake_ns = [ns for ns in _brake_holds(session, start_ns) if first_ns <= ns <= last_ns + AFTER_NS]
             measured.add(begins, brake_ns, judged_ns)
@@ -126,7 +138,7 @@ def _onset(session: Session, frames: Sequence[HandFrame], latency_ns: int, start
             seen = truth.frame_ns[shown].tolist()
             lead_ns = round(session.leads.brake_s * NS_PER_S)
             measured.hold.add(begins, [-(-(ns + latency_ns) // tick_ns) * tick_ns + lead_ns for ns in seen], judged_ns)
-    on_hardware = session.glove.tactiles is not None and session.glove.plant("tactiles") is None
+    on_hardware = session.devices.tactiles is not None and session.devices.plant("tactiles") is None
     return {**onset_statistics(measured), "estimated": on_hardware}
 
 
@@ -143,7 +155,7 @@ def _contact_objects(scene: Scene) -> dict[str, frozenset[int]]:
 def _pin_arrivals(session: Session, start_ns: int) -> dict[int, list[int]]:
     """When pins reached the skin, by site: the plant's truth, or on hardware the sent start and the model's flight."""
     names, found = session.site_names, {}
-    if session.glove.plant("tactiles") is not None:
+    if session.devices.plant("tactiles") is not None:
         arrivals = [(channel, ns) for ns, channel, kind in session.truth.pins if kind == "reached_skin"]
     else:
         flight_ns = round((session.leads.pin_s - COMMAND_LEAD_NS / NS_PER_S) * NS_PER_S)
@@ -156,20 +168,20 @@ def _pin_arrivals(session: Session, start_ns: int) -> dict[int, list[int]]:
 
 def _brake_holds(session: Session, start_ns: int) -> list[int]:
     """When the brakes held half of their steady capacity: the last of those that closed together."""
-    assert session.glove.brakes is not None
-    channels = {session.glove.brakes.channels.index(name) for name in session.scene.needs.brakes}
+    assert session.devices.brakes is not None
+    channels = {session.devices.brakes.channels.index(name) for name in session.scene.needs.brakes}
     half = [(ns, channel) for ns, channel, kind in session.truth.brakes if kind == "half_capacity"]
     times = sorted(ns - start_ns for ns, channel in half if channel in channels)
     return [ns for ns, following in zip(times, [*times[1:], float("inf")], strict=False) if following - ns > TOGETHER_NS]
 
 
 def _actuators(session: Session, plan: Plan) -> list[dict[str, Any]]:
-    """Each actuator's warmest, by the plant's truth, or on hardware by the account's upper bound, and the room left then."""
-    array = session.glove.tactiles
+    """Each tactor's warmest, by the plant's truth, or on hardware by the account's upper bound, and the room left then."""
+    array = session.devices.tactiles
     if array is None:
         return []
     played = Counter(result.site for result in session.results if result.played)
-    simulated = session.glove.plant("tactiles") is not None
+    simulated = session.devices.plant("tactiles") is not None
     rows = []
     for channel, (site, budget) in enumerate(zip(array.sites, array.budgets, strict=True)):
         if site not in plan.sites:
@@ -181,7 +193,7 @@ def _actuators(session: Session, plan: Plan) -> list[dict[str, Any]]:
 
 
 def _brakes(session: Session) -> list[dict[str, Any]]:
-    brakes, truth = session.glove.brakes, session.truth
+    brakes, truth = session.devices.brakes, session.truth
     if brakes is None:
         return []
     return [
@@ -202,8 +214,8 @@ def _notes(scene: Scene, recording: HandRecording, side: str, session: Session) 
         notes.append(f"no grasp to expect: the {side} hand makes no closing stroke of thumb and index")
     if recording.dropped:
         notes.append("left out while reading: " + ", ".join(f"{count} {what}" for what, count in recording.dropped.items()))
-    notes += session.glove.notes
-    notes += [note for name, link in session.glove.links.items() if (note := coarse_note(name, link)) is not None]
+    notes += session.devices.notes
+    notes += [note for name, link in session.devices.links.items() if (note := coarse_note(name, link)) is not None]
     withdrawn = sum(event.kind == "grasp_withdrawn" for event in session.events)
     if withdrawn:
         notes.append(f"brakes closed ahead of {withdrawn} grasps that did not come, and opened again")

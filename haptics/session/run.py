@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 from haptics.ends import orderly, unbroken
-from haptics.errors import InputError
 from haptics.fidelity import DEFAULT_BUDGET, DEFAULT_TOLERANCE_JND, Plan, plan_scene
 from haptics.recording import load, write_picture, write_rrd
 from haptics.recording.ending import finish, keep
@@ -24,27 +23,41 @@ from haptics.scene.hands.frame import HandFrame
 from haptics.scene.hands.motion import judge_motion
 from haptics.scene.hands.recording import HandRecording
 from haptics.scene.scene import Scene
-from haptics.scene.sites import SITES, nominal_sites
-from haptics.session.configuration import BrakeConfiguration, Configuration, TactilesConfiguration
-from haptics.session.glove import Glove
-from haptics.session.recorder import Recorder, provenance
+from haptics.session.composition import EarlyWire, open_planned, with_outputs, with_ports
+from haptics.session.configuration import Configuration
+from haptics.session.devices import Devices
+from haptics.session.recorder import Recorder, provenance, sites_of_joints
 from haptics.session.report import build_report
 from haptics.session.session import Session
 from haptics.time import NS_PER_MS, NS_PER_S, seconds_to_ns
 from haptics.units import in_range
 
 GONE_NS = 15 * NS_PER_MS
-"""A tracker that loses a hand says so with its next frame, about this much later."""
+"""A tracker that loses a hand reports it with its next frame, about this much later."""
 TAIL_NS = 40 * NS_PER_MS
 """The run goes on this long after the last pose arrived, so that what it caused is seen; less than the pose watchdog."""
 
 
 @dataclass(frozen=True, slots=True)
 class RunOptions:
-    """What a run may be told besides scene, hand and configuration. Paths that are None are not written, but ``out`` is named.
+    """What a run takes besides scene, hand and configuration.
 
-    ``side``: ``left``, ``right`` or ``auto``, instead of the configuration's.
-    ``levels``, ``tolerance_jnd``, ``budget_s_per_s``: see ``fidelity.plan_scene``. ``watch`` is shown the ended session.
+    :param port_tactiles: URL of the array's port, instead of the configuration's.
+    :param port_brake: URL of the brake controller's port, likewise.
+    :param side: ``left``, ``right`` or ``auto``, instead of the configuration's.
+    :param realtime: on the machine's clock, as hardware needs, rather than in virtual time.
+    :param latency_s: from sampling a pose to its arrival, 0 to 0.1 s, instead of the configuration's.
+    :param seed: of simulated boards, 0 to 2**31 - 1.
+    :param out: recording to write; named after scene and time if None.
+    :param rrd: file for rerun to write, or None.
+    :param picture: picture to write, or None.
+    :param force: overwrite files that exist.
+    :param progress: on standard error, where that is a terminal.
+    :param record: write a recording at all.
+    :param levels: of the models, by name, where not the plan's own choice (``fidelity.plan_scene``).
+    :param tolerance_jnd: error that the plan may make, in just noticeable differences.
+    :param budget_s_per_s: computing time that the plan may take, s per second of the run.
+    :param watch: called with the session when it has ended.
     """
 
     port_tactiles: str | None = None
@@ -66,8 +79,13 @@ class RunOptions:
 
 
 def run_scene(scene_name: str, hand_source: str, configuration: Configuration, options: RunOptions) -> dict[str, Any]:
-    """Run, and return the report (the JSON object of ``haptics run --json``).
+    """Play a hand's motion through a scene on a glove.
 
+    :param scene_name: a shipped scene's name, or a file.
+    :param hand_source: a shipped motion's name, or a file.
+    :param configuration: of the glove.
+    :param options: see there.
+    :return: the report: the JSON object of ``haptics run --json``.
     :raises InputError: scene, hand, option or file that cannot be used; nothing is left behind.
     :raises LinkError: a port or board that cannot be used.
     """
@@ -85,7 +103,7 @@ def run_scene(scene_name: str, hand_source: str, configuration: Configuration, o
     plan = plan_of(placed, configuration, options)
     out = options.out or Path(f"{scene.name}-{time.strftime('%Y%m%d-%H%M%S')}.h5")
     _check_outputs(out, hand_source, scene_name, options)
-    glove_brakes = _with_outputs(configuration.brake, placed).channels if plan.builds("brake") or plan.builds("piezo") else ()
+    glove_brakes = with_outputs(configuration.brake, placed).channels if plan.builds("brake") or plan.builds("piezo") else ()
     header = {
         **provenance(),
         "scene": scene.name,
@@ -103,15 +121,16 @@ def run_scene(scene_name: str, hand_source: str, configuration: Configuration, o
         "ports": {"tactiles": options.port_tactiles, "brake": options.port_brake},
         "plan": asdict(plan),
         "title": f"{scene.name} with {recording.source}",
-        "sites": _sites(),
+        "sites": sites_of_joints(),
         "brakes": list(glove_brakes),
         "motion": {"source": recording.source, "frame_count": recording.frame_count, "duration_s": recording.duration_s},
         "default_plot": {"stream": "ticks", "signal": "force_n" if plan.builds("brake") else "rise_k"},
     }
     recorder: Recorder | None = None
-    tap = _Tap()
+    tap = EarlyWire()
     with orderly():
-        glove = open_glove(placed, plan, configuration, options, tap)
+        wired = with_ports(configuration, options.port_tactiles, options.port_brake)
+        glove = open_planned(placed, plan, wired, realtime=options.realtime, seed=options.seed, wire_tap=tap)
         try:
             try:
                 if options.record:
@@ -148,7 +167,7 @@ def run_scene(scene_name: str, hand_source: str, configuration: Configuration, o
     return report
 
 
-def _make_safe(glove: Glove, recorder: Recorder | None) -> None:
+def _make_safe(glove: Devices, recorder: Recorder | None) -> None:
     """Off and closed, whatever else is asked for or goes wrong meanwhile."""
     with unbroken:
         if recorder is not None:
@@ -162,6 +181,10 @@ def _make_safe(glove: Glove, recorder: Recorder | None) -> None:
 def plan_of(scene: Scene, configuration: Configuration, options: RunOptions) -> Plan:
     """The plan of a run.
 
+    :param scene: placed.
+    :param configuration: of the glove.
+    :param options: levels, tolerance and budget.
+    :return: which model each device has.
     :raises InputError: see ``plan_scene``.
     """
     return plan_scene(
@@ -173,71 +196,8 @@ def plan_of(scene: Scene, configuration: Configuration, options: RunOptions) -> 
     )
 
 
-def open_glove(scene: Scene, plan: Plan, configuration: Configuration, options: RunOptions, tap: Any = None) -> Glove:
-    """The devices that the plan builds, and no others.
-
-    :raises InputError: more outputs asked for than a board has.
-    :raises LinkError: a port or board that cannot be used.
-    """
-    tactiles, brake = configuration.tactiles, configuration.brake
-    if options.port_tactiles is not None:
-        tactiles = tactiles.model_copy(update={"port": options.port_tactiles})
-    if options.port_brake is not None:
-        brake = brake.model_copy(update={"port": options.port_brake})
-    outputs = _with_outputs(brake, scene) if plan.builds("brake") or plan.builds("piezo") else None
-    return Glove(
-        tactiles if plan.builds("tactiles") else None,
-        outputs,
-        realtime=options.realtime,
-        seed=options.seed,
-        simulate=_simulated(plan, tactiles, outputs),
-        wire_tap=tap,
-    )
-
-
-def _simulated(plan: Plan, tactiles: TactilesConfiguration, brake: BrakeConfiguration | None) -> dict[str, dict[str, object]]:
-    """What simulated boards are told of the plan: the level, and which channels there are."""
-    told: dict[str, dict[str, object]] = {name: {"level": level} for name, level in plan.levels.items()}
-    if "tactiles" in told:
-        told["tactiles"]["fitted"] = sum(1 << channel for channel, site in enumerate(tactiles.sites) if site in plan.sites)
-    if brake is not None:
-        told.setdefault("brake", {})["fitted"] = len(brake.channels)
-    return told
-
-
-def _with_outputs(brake: BrakeConfiguration, scene: Scene) -> BrakeConfiguration:
-    """The brake's outputs, named as the scene names what it drives unless the configuration covers all of them."""
-    needed = tuple(dict.fromkeys((*scene.needs.brakes, *scene.needs.piezos, *scene.needs.clutches)))
-    if set(needed) <= set(brake.channels):
-        return brake
-    try:
-        return BrakeConfiguration.model_validate({**brake.model_dump(), "channels": needed})
-    except ValueError as error:
-        raise InputError(f"scene {scene.name!r} drives {', '.join(needed)}, more than one board's outputs: {error}") from error
-
-
-class _Tap:
-    """Wire bytes to the recorder once there is one; those of the handshake are kept until then."""
-
-    def __init__(self) -> None:
-        self._early: list[tuple[int, str, bool, bytes]] = []
-        self._recorder: Recorder | None = None
-
-    def __call__(self, name: str, time_ns: int, to_board: bool, data: bytes) -> None:
-        if self._recorder is None:
-            self._early.append((time_ns, name, to_board, data))
-        else:
-            self._recorder.wire(time_ns, name, to_board, data)
-
-    def attach(self, recorder: Recorder) -> None:
-        self._recorder = recorder
-        for time_ns, name, to_board, data in self._early:
-            recorder.wire(time_ns, name, to_board, data)
-        self._early.clear()
-
-
 def _play(
-    glove: Glove,
+    glove: Devices,
     scene: Scene,
     configuration: Configuration,
     recorder: Recorder | None,
@@ -280,7 +240,14 @@ def _play(
 def arrivals_of(
     frames: tuple[HandFrame, ...], recording: HandRecording, start_ns: int, latency_ns: int
 ) -> Iterator[tuple[int, HandFrame | None]]:
-    """When each pose reaches the loop, on the glove's clock; None where the tracker says that the hand is gone."""
+    """When each pose reaches the loop.
+
+    :param frames: of one side, their times from the start of the motion.
+    :param recording: they are of.
+    :param start_ns: when the motion begins, ns on the glove's clock.
+    :param latency_ns: from sampling to arrival, ns.
+    :return: arrival (ns on the glove's clock) and the pose, stamped on that clock; None where the tracker reports the hand gone.
+    """
     for frame, following in zip(frames, (*frames[1:], None), strict=True):
         sampled_ns = start_ns + frame.time_ns
         yield sampled_ns + latency_ns, replace(frame, time_ns=sampled_ns)
@@ -334,13 +301,6 @@ def _check_outputs(out: Path, hand: str, scene: str, options: RunOptions) -> Non
         refuse_leftover(journal_of(out), options.force)
         outputs["the journal of out"] = journal_of(out)
     check_outputs(outputs, options.force, {"hand": Path(hand), "scene": Path(scene)})
-
-
-def _sites() -> dict[str, Any]:
-    """Where the actuators sit on the joints, so that a recording can be drawn without this program."""
-    sites = nominal_sites()
-    parts = (sites.weights, sites.offset_joint, sites.offset_m)
-    return {"names": list(SITES), **{k: v.tolist() for k, v in zip(("weights", "offset_joint", "offset_m"), parts, strict=True)}}
 
 
 def _json_bytes(report: dict[str, Any]) -> bytes:

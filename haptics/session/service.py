@@ -1,12 +1,13 @@
-"""The thread that serves an open glove in real time, and what it says when it could not."""
+"""The thread that serves an open glove in real time, and what it reports when it could not."""
 
 from __future__ import annotations
 
 import threading
 import time
+from collections.abc import Callable
 
 from haptics.errors import DeadManMissed, GloveEnded
-from haptics.session.glove import TICK_NS, Glove
+from haptics.session.devices import TICK_NS, Devices
 from haptics.time import NS_PER_MS, NS_PER_S
 
 JOIN_S = 2.0
@@ -14,7 +15,10 @@ JOIN_S = 2.0
 
 
 def awake_ns() -> int:
-    """A clock that goes on while the machine is suspended, where the system has one."""
+    """A clock that goes on while the machine is suspended, where the system has one.
+
+    :return: ns; only differences mean anything.
+    """
     clock = getattr(time, "CLOCK_BOOTTIME", None)
     return time.monotonic_ns() if clock is None else time.clock_gettime_ns(clock)
 
@@ -25,13 +29,15 @@ class Service:
     Whatever it raises ends it: the glove goes off, and ``check`` raises from then on. A gap between two ticks longer than the
     boards' dead-man (the process was stopped, the machine slept or was too busy) is reported as soon as it is over.
 
-    :param lock: held at each tick, and by whoever else uses the glove.
+    :param devices: of the glove.
+    :param lock: held at each tick, and by whoever else uses the devices.
+    :param tick: called at each tick with the time on the glove's clock (ns), after links were served.
 
-    ``faults`` is what went wrong here, in words.
+    :ivar faults: what went wrong here, in words.
     """
 
-    def __init__(self, glove: Glove, lock: threading.RLock):
-        self._glove, self._lock = glove, lock
+    def __init__(self, devices: Devices, lock: threading.RLock, tick: Callable[[int], None]):
+        self._devices, self._lock, self._tick = devices, lock, tick
         self._stopping = threading.Event()
         self._error: BaseException | None = None
         self._missed: str | None = None
@@ -41,12 +47,13 @@ class Service:
         self._thread.start()
 
     def check(self) -> None:
-        """Nothing, if the glove is served.
+        """Raise unless the glove is served.
 
-        :raises GloveEnded: the thread ended, and why. :raises DeadManMissed: see there; until the glove is armed again.
+        :raises GloveEnded: the thread ended, and why.
+        :raises DeadManMissed: see there; until the glove is armed again.
         """
         if self._error is not None:
-            raise GloveEnded(f"{self.faults[0]}; allowed: close() it, and open it again") from self._error
+            raise GloveEnded(f"{self.faults[0]}; close the glove, and open it again") from self._error
         if self._missed is not None:
             raise DeadManMissed(f"{self._missed}; off() clears that, and nothing plays until the glove is armed again")
 
@@ -55,8 +62,16 @@ class Service:
         """The thread ended by an error."""
         return self._error is not None
 
+    @property
+    def error(self) -> BaseException | None:
+        """What ended it, if anything did."""
+        return self._error
+
     def served(self, armed: bool = False) -> None:
-        """A call has served the boards itself, to its end; ``armed``: it armed them."""
+        """A call has served the boards itself, to its end.
+
+        :param armed: it armed them.
+        """
         self._served_ns = awake_ns()
         if armed:
             self._missed = None
@@ -89,38 +104,39 @@ class Service:
     def serve(self) -> None:
         """One tick. After too long a gap nothing is ticked any more, and the glove goes off."""
         gap_ns = awake_ns() - self._served_ns
-        missed = [name for name, link in self._glove.links.items() if link.armed and gap_ns > _dead_man_ns(link.identity)]
-        self._glove.follow(self._glove.now_ns())
+        missed = [name for name, link in self._devices.links.items() if link.armed and gap_ns > _dead_man_ns(link.identity)]
+        self._devices.follow(self._devices.now_ns())
         if missed:
             self._missed = (
                 f"{', '.join(missed)}: dead-man, as the host did not serve the glove for {gap_ns / NS_PER_S:.2f} s "
                 "(stopped, suspended or too busy)"
             )
             self.faults.append(self._missed)
-            go_off(self._glove)
+            go_off(self._devices)
         else:
-            self._glove.tick(self._glove.now_ns())
+            self._tick(self._devices.now_ns())
         self._served_ns = awake_ns()
 
     def _end(self, error: BaseException) -> None:
         self.faults.insert(0, f"the thread that serves the glove ended: {type(error).__name__}: {error}")
         self._error = error
         try:
-            go_off(self._glove)
-        except BaseException as again:  # the boards were told to stop; what else is wrong is for people
+            go_off(self._devices)
+        except BaseException as again:  # the boards were stopped; what else is wrong is for people
             self.faults.append(f"going off in good order failed: {type(again).__name__}: {again}")
 
 
-def go_off(glove: Glove) -> None:
+def go_off(devices: Devices) -> None:
     """Off, in good order; where that fails, a stop to every board.
 
+    :param devices: of the glove.
     :raises BaseException: what failed.
     """
     try:
-        glove.off()
+        devices.off()
     except BaseException:
-        for link in glove.links.values():
-            link.stop(glove.now_ns())
+        for link in devices.links.values():
+            link.stop(devices.now_ns())
         raise
 
 

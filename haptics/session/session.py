@@ -1,42 +1,46 @@
 """A session: a placed scene rendered on a glove, recorded as it goes.
 
-``run``, ``replay`` and engine servers share it. Its owner hands in poses and ticks; it never blocks and never picks a time.
+``run``, ``replay`` and engines share it. Its owner hands in poses; it never blocks and never picks a time.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 
-import numpy as np
-
-from haptics.devices.tactiles import COMMAND_LEAD_NS, Result
-from haptics.judging.truth import Truth
-from haptics.link.events import Event
-from haptics.link.messages import BRAKE_CHANNELS, COIL_CHANNELS
+from haptics.devices import Result
+from haptics.devices.pace import COMMAND_LEAD_NS
+from haptics.errors import InputError
 from haptics.physics.brake.charging import rise_time_s
 from haptics.physics.brake.contact import CONTACT
 from haptics.physics.brake.parameters import BRAKE, capacitance_f
 from haptics.physics.latch.pulse import travel_s
-from haptics.rendering.loop import Leads, LoopEvent, RenderLoop
+from haptics.rendering.events import LoopEvent
+from haptics.rendering.loop import Leads, RenderLoop
 from haptics.scene.hands.check import ill_formed
 from haptics.scene.hands.frame import HandFrame
 from haptics.scene.scene import Scene
 from haptics.scene.sites import SITES, nominal_sites
 from haptics.session.configuration import Configuration
+from haptics.session.devices import Devices
 from haptics.session.glove import Glove
+from haptics.session.plant_truth import PlantTruth
 from haptics.session.recorder import Recorder
-from haptics.time import LATEST_NS, NS_PER_MS, NS_PER_S
+from haptics.session.sampler import Sampler
+from haptics.time import LATEST_NS, NS_PER_S
 from haptics.units import an_instance, whole_number
-
-SAMPLE_NS = 10 * NS_PER_MS
-"""The devices are sampled into the recording this often."""
 
 
 def device_leads(configuration: Configuration, scene: Scene) -> Leads:
     """What each device needs ahead of a touch: the command's lead and the device's own time, from its model.
 
     Half of the steady capacity comes with about 1/√2 of the volts, charged by one supply for all outputs together, and the
-    contact's lag on top.
+    contact's lag on top (thesis 4.4.3).
+
+    :param configuration: the brake's volts and overlap.
+    :param scene: how many brakes close together.
+    :return: leads, s.
     """
     brake = configuration.brake
     outputs = max(1, len(scene.needs.brakes))
@@ -51,108 +55,200 @@ def device_leads(configuration: Configuration, scene: Scene) -> Leads:
 
 
 class Session:
-    """A placed scene on an open glove.
+    """A placed scene on an open glove; armed by its owner.
 
-    :param scene: placed. :param glove: open; armed by its owner.
-    :param recorder: takes rows, or None.
-    :raises InputError: something else in place of these, here or in a call.
+    On a ``haptics.Glove`` in real time the glove's own thread ticks the session from :meth:`begin` on: its owner only hands in
+    poses. If poses stop, the session lets go of everything after 0.1 s. In virtual time, and on bare ``Devices``, the owner calls
+    :meth:`tick` each millisecond.
+
+    :param scene: placed, so that every object has a place in the world.
+    :param glove: open; from ``haptics.open``, or bare ``Devices``. A new session takes the place of one that is on it.
+    :param configuration: of the brake's volts, the loop's rate and the hand's side; the glove's own if None.
+    :param recorder: takes rows; that of the glove's recording if None and there is one.
+    :raises InputError: something else in place of these, here or in a call; a scene with an object
+        that has no place, or with brakes that the glove does not have.
+
+    :ivar results: what became of every touch and pulse that the scene asked for.
+    :ivar brake_results: what became of every brake and piezo, likewise.
+    :ivar events: touches, grasps, refused poses and the like, in order.
+    :ivar truth: what simulated plants did; empty on hardware.
+    :ivar leads: how long before a touch each device is driven.
     """
 
     def __init__(
         self,
         scene: Scene,
-        glove: Glove,
-        configuration: Configuration,
+        glove: Glove | Devices,
+        configuration: Configuration | None = None,
         recorder: Recorder | None = None,
     ):
         an_instance("scene", scene, Scene, "from haptics.load_scene")
-        an_instance("glove", glove, Glove, "from haptics.Glove")
+        if not isinstance(glove, Devices):
+            an_instance("glove", glove, Glove, "from haptics.open")
+        self.glove = glove
+        self.devices: Devices = glove if isinstance(glove, Devices) else glove.devices
+        if configuration is None and isinstance(glove, Glove):
+            configuration = glove.configuration
         an_instance("configuration", configuration, Configuration, "from haptics.load_configuration")
-        if recorder is not None:
+        assert configuration is not None
+        if recorder is None and isinstance(glove, Glove):
+            recorder = glove.recorder
+        elif recorder is not None:
             an_instance("recorder", recorder, Recorder, "on a journal, or None")
-        self.scene, self.glove, self.recorder = scene, glove, recorder
-        self.truth = Truth()
+            self.devices.on_event(recorder.link_event)
+        self._check_scene(scene)
+        self.scene, self.recorder = scene, recorder
         self.results: list[Result] = []
+        self.brake_results: list[Result] = []
         self.events: list[LoopEvent] = []
         self.leads = device_leads(configuration, scene)
-        max_v = math.inf if glove.brakes is None else glove.brakes.max_amplitude_v
+        devices = self.devices
+        max_v = math.inf if devices.brakes is None else devices.brakes.max_amplitude_v
         self.loop = RenderLoop(
             scene,
             nominal_sites(),
-            glove.tactiles,
-            glove.brakes,
+            devices.tactiles,
+            devices.brakes,
             self.leads,
             brake_amplitude_v=min(configuration.brake.amplitude_v, max_v),
             clutch_amplitude_v=min(configuration.brake.clutch_amplitude_v, max_v),
             tick_ns=NS_PER_S // configuration.tick_hz,
             side=None if configuration.side == "auto" else configuration.side,
         )
-        self._times_armed = glove.times_armed
-        self._array_plant = glove.plant("tactiles")
-        self._brake_plant = glove.plant("brake")
-        self._sample_ns = 0
-        glove.on_event(self._take_link_event)
+        self._times_armed = devices.times_armed
+        self._last_ns = 0
+        self.begun = False
+        self._sampler = Sampler(devices, recorder)
+        self.truth = self._sampler.truth
+        self._turn: Callable[[], AbstractContextManager[object]] = nullcontext
+        if isinstance(glove, Glove):
+            self._turn = glove.turn
+            glove.take_on(self)
 
-    def begin(self, start_ns: int) -> None:
-        """The scene's own clock (motions, signals) reads zero at ``start_ns`` of the glove's time."""
-        start_ns = whole_number("start_ns", start_ns, 0, LATEST_NS)
-        self.loop.begin(start_ns)
-        if self.recorder is not None:
-            self.recorder.event(start_ns, "start")
+    def _check_scene(self, scene: Scene) -> None:
+        nowhere = [item.name for item in scene.objects if not item.resolved]
+        if nowhere:
+            raise InputError(
+                f"scene {scene.name!r} has no place for {', '.join(nowhere)} yet; place it with scene.placed_for(a hand), "
+                "or scene.placed(palm_m)"
+            )
+        brakes = self.devices.brakes
+        driven = dict.fromkeys((*scene.needs.brakes, *scene.needs.piezos, *scene.needs.clutches))
+        missing = [] if brakes is None else [name for name in driven if name not in brakes.channels]
+        if brakes is not None and missing:
+            raise InputError(
+                f"scene {scene.name!r} drives {', '.join(missing)}, but the glove's outputs are {', '.join(brakes.channels)}; "
+                "name them in channels of [brake] in the configuration"
+            )
 
-    def submit(self, frame: HandFrame, now_ns: int) -> str | None:
-        """A pose that arrived at ``now_ns``; returns why it was refused, or None. Never blocks.
+    def begin(self, start_ns: int | None = None) -> None:
+        """Start the scene's own clock (motions, signals).
 
+        :param start_ns: when it reads zero, ns on the glove's clock; now if None.
+        """
+        start_ns = self._time("start_ns", start_ns)
+        with self._turn():
+            self.loop.begin(start_ns)
+            self.begun = True
+            if self.recorder is not None:
+                self.recorder.event(start_ns, "start")
+
+    def submit(self, frame: HandFrame, now_ns: int | None = None) -> str | None:
+        """Hand in a pose. Waits at most for a tick that is under way.
+
+        :param frame: its time on the glove's clock (``glove.now_ns()``), ns.
+        :param now_ns: when it arrived, likewise; now if None.
+        :return: why it was refused, in words, or None.
         :raises InputError: no ``HandFrame`` at all.
         """
-        an_instance("frame", frame, HandFrame, "with time, side and joints")
-        now_ns = whole_number("now_ns", now_ns, 0, LATEST_NS)
-        self._watch_arming(now_ns)
-        reason = self.loop.submit(frame, now_ns)
-        if self.recorder is not None and ill_formed(frame) is None:  # what has no row in the recording is an event there
-            self.recorder.pose(now_ns, frame, reason is None)
-        return reason
+        an_instance("frame", frame, HandFrame, "such as HandFrame.from_joints makes")
+        now_ns = self._time("now_ns", now_ns)
+        with self._turn():
+            self._watch_arming(now_ns)
+            reason = self.loop.submit(frame, now_ns)
+            if self.recorder is not None and ill_formed(frame) is None:  # what has no row in the recording is an event there
+                self.recorder.pose(now_ns, frame, reason is None)
+            return reason
 
-    def hand_gone(self, now_ns: int) -> None:
-        """The tracker says there is no hand any more."""
-        self.loop.hand_gone(whole_number("now_ns", now_ns, 0, LATEST_NS))
+    def hand_gone(self, now_ns: int | None = None) -> None:
+        """The tracker reports that there is no hand any more: everything is let go of.
 
-    def tick(self, now_ns: int) -> None:
-        """One period of the loop: links to ``now_ns``, effects, drivers, rows."""
+        :param now_ns: when that was known, ns on the glove's clock; now if None.
+        """
+        now_ns = self._time("now_ns", now_ns)
+        with self._turn():
+            self.loop.hand_gone(now_ns)
+
+    def tick(self, now_ns: int | None = None) -> None:
+        """One period of the loop: links to a time, effects, drivers, rows.
+
+        :param now_ns: ns on the glove's clock, which in virtual time moves there; now if None.
+        """
         if type(now_ns) is not int or not 0 <= now_ns <= LATEST_NS:
-            now_ns = whole_number("now_ns", now_ns, 0, LATEST_NS)
+            now_ns = self._time("now_ns", now_ns)
+        with self._turn():
+            self._watch_arming(now_ns)
+            self.devices.follow(now_ns)
+            self._act(now_ns)
+
+    def serve(self, now_ns: int) -> None:
+        """A tick by whoever serves the glove, and has brought its links to now.
+
+        :param now_ns: ns on the glove's clock.
+        """
         self._watch_arming(now_ns)
-        self.glove.follow(now_ns)
+        self._act(now_ns)
+
+    def _act(self, now_ns: int) -> None:
+        self._last_ns = now_ns = max(now_ns, self._last_ns)  # in real time the glove's thread may have been here since
         self.loop.tick(now_ns)
         self._observe(now_ns)
 
+    def end(self) -> None:
+        """The scene is over: let go of everything. The glove stays armed, and may be driven by hand or by another session."""
+        with self._any_turn():
+            now_ns = self.devices.now_ns()
+            self.loop.hand_gone(now_ns)
+            self._observe(now_ns, last=True)
+            if isinstance(self.glove, Glove):
+                self.glove.let_go_of(self)
+
+    def _time(self, name: str, value: int | None) -> int:
+        return self.devices.now_ns() if value is None else whole_number(name, value, 0, LATEST_NS)
+
     def _watch_arming(self, now_ns: int) -> None:
         """Devices that were armed anew have forgotten what they did; so does the loop."""
-        if self.glove.times_armed != self._times_armed:
-            self._times_armed = self.glove.times_armed
+        if self.devices.times_armed != self._times_armed:
+            self._times_armed = self.devices.times_armed
             self.loop.start_over(now_ns)
 
     def settle(self) -> None:
         """Collect what came out after the last tick, while the glove went off."""
-        self._observe(self.glove.now_ns(), last=True)
+        self._observe(self.devices.now_ns(), last=True)
 
     def _observe(self, now_ns: int, last: bool = False) -> None:
-        array = self.glove.tactiles
+        array, brakes = self.devices.tactiles, self.devices.brakes
         if array is not None:
             for result in array.take_results():
                 self.results.append(result)
                 if self.recorder is not None:
-                    self.recorder.request(now_ns, result.site, result.kind, result.played, result.reason, result.start_ns)
-        if self.glove.brakes is not None:
-            for refusal in self.glove.brakes.take_refusals():
+                    self.recorder.request(now_ns, result)
+        if brakes is not None:
+            refusals, results = brakes.take_answers()
+            self.brake_results += results
+            if self.recorder is not None:
+                for result in results:
+                    self.recorder.brake_request(now_ns, result)
+            for refusal in refusals:
                 self.events.append(LoopEvent(now_ns, "derated", refusal.command, "", refusal.reason))
                 self._note(self.events[-1])
         for event in self.loop.take_events():
             self.events.append(event)
             self._note(event)
-        if last or now_ns >= self._sample_ns:
-            self._sample_ns = now_ns + SAMPLE_NS
-            self._sample(now_ns)
+        if last:
+            self._sampler.sample(now_ns)
+        else:
+            self._sampler.due(now_ns)
         if self.recorder is not None:
             self.recorder.acknowledge(now_ns)
 
@@ -160,40 +256,21 @@ class Session:
         if self.recorder is not None:
             self.recorder.event(event.time_ns, event.kind, event.subject, event.object, event.detail)
 
-    def _sample(self, now_ns: int) -> None:
-        rise_k, pin_out = np.zeros(COIL_CHANNELS), np.zeros(COIL_CHANNELS, dtype=np.uint8)
-        volts, force_n, piezo = np.zeros(BRAKE_CHANNELS), np.zeros(BRAKE_CHANNELS), np.zeros(BRAKE_CHANNELS, dtype=np.uint8)
-        gathered, array, brakes = self.truth, self.glove.tactiles, self.glove.brakes
-        if self._array_plant is not None:
-            truth = self._array_plant.truth()
-            rise_k[:] = truth["rise_k"]
-            pin_out[:] = [state == "on" for state in truth["latched"]]
-            gathered.pins += [(time_ns, channel, kind) for time_ns, channel, kind, _ in truth["events"]]
-            gathered.pin_speeds_m_s += [speed for *_, speed in truth["events"]]
-            gathered.latched = truth["latched"]
-            gathered.switches[:] = truth["switches"]
-        elif array is not None:
-            rise_k[: len(array.sites)] = array.rises_k(now_ns)
-            pin_out[: len(array.sites)] = array.pins_out()
-        if self._brake_plant is not None:
-            truth = self._brake_plant.truth()
-            volts[:], force_n[:], piezo[:] = truth["volts"], truth["capacity_n"], truth["piezo"]
-            gathered.forces_n.append((now_ns, tuple(truth["capacity_n"])))
-            gathered.brakes += [(time_ns, channel, kind) for time_ns, channel, kind, _ in truth["events"]]
-            gathered.energy_j[:] = truth["energy_j"]
-        elif brakes is not None and "brake" in self.glove.telemetry:
-            volts[:] = self.glove.telemetry["brake"].output
-        np.maximum(gathered.peak_rise_k, rise_k, out=gathered.peak_rise_k)
-        np.maximum(gathered.peak_volts, np.abs(volts), out=gathered.peak_volts)
-        np.maximum(gathered.peak_force_n, force_n, out=gathered.peak_force_n)
-        if self.recorder is not None:
-            self.recorder.tick(now_ns, rise_k, pin_out, volts, force_n, piezo)
+    def plants(self) -> PlantTruth | None:
+        """What the simulated plants are now.
 
-    def _take_link_event(self, board: str, event: Event) -> None:
-        if self.recorder is not None:
-            self.recorder.link_event(board, event)
+        :return: the truth, or None where both boards are hardware.
+        """
+        with self._any_turn():
+            return self._sampler.look()
+
+    def _any_turn(self) -> AbstractContextManager[object]:
+        """A turn even where the glove has gone off by itself."""
+        if isinstance(self.glove, Devices):
+            return nullcontext()
+        return self.glove.turn(missed_allowed=True, ended_allowed=True)
 
     @property
     def site_names(self) -> tuple[str, ...]:
         """Site of each channel of the array."""
-        return SITES if self.glove.tactiles is None else self.glove.tactiles.sites
+        return SITES if self.devices.tactiles is None else self.devices.tactiles.sites

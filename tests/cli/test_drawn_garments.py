@@ -205,7 +205,7 @@ def test_a_bent_body_is_exported_to_look_at(tmp_path, answer, refused):
     assert "suffix of b.stl = '.stl' is not allowed; allowed: .obj" in refused(
         "garment", "bodies", "--export", tmp_path / "b.stl"
     )
-    assert "allowed: 1 to 120 deg" in refused(*words_, "--force", "--motion", "elbow_flexion", "--angle-deg", "170")
+    assert "allowed 1 to 120 deg" in refused(*words_, "--force", "--motion", "elbow_flexion", "--angle-deg", "170")
     assert "without a motion" in refused(*words_, "--force", "--angle-deg", "20")
     assert "with --export only" in refused("garment", "bodies", "--motion", "slouch")
 

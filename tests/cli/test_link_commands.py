@@ -17,7 +17,15 @@ VIRTUAL = "sim://tactiles?clock=virtual"
 def test_identify_tells_who_is_there_and_how_its_clock_runs(answer):
     who = answer("link", "identify", "--port", "sim://brake?clock=virtual&ppm=40")
     assert (who["board"], who["build"], who["protocol"], who["channels"]) == ("brake", "py-brk-1", 1, 5)
-    assert who["limits"] == [1500, 500, 10000, 2000, 45000]
+    assert who["limits"] == pytest.approx(
+        {
+            "max_amplitude_v": 1500,
+            "max_supply_current_a": 500e-6,
+            "max_frequency_hz": 1000,
+            "max_ttl_s": 2,
+            "max_charge_c": 45e-6,
+        }
+    )
     assert re.fullmatch("[0-9a-f]{8}", who["boot_id"])
     assert 0 < who["clock_error_bound_us"] < 1000
     assert who["clock_skew_ppm"] == pytest.approx(40, abs=400)  # within twice its bound over the 0.7 s that it is watched

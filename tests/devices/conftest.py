@@ -6,11 +6,11 @@ from collections.abc import Iterator
 
 import pytest
 
-from haptics.session.open_glove import OpenGlove, open as open_glove
+from haptics.session.glove import Glove, open as open_glove
 
 
 @pytest.fixture
-def glove() -> Iterator[OpenGlove]:
+def glove() -> Iterator[Glove]:
     """Both boards, nominal plants, not armed."""
     with open_glove(tactiles="sim://tactiles?spread=0", brake="sim://brake?spread=0", clock="virtual") as opened:
         yield opened

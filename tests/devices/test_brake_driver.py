@@ -9,11 +9,11 @@ from haptics.link.messages import State
 
 
 def _truth(glove):
-    return glove._glove.plant("brake").truth()
+    return glove.devices.plant("brake").truth()
 
 
 def _volts(glove, name):
-    return glove._glove.brakes.engaged().get(name)
+    return glove.devices.brakes.engaged().get(name)
 
 
 def test_a_brake_asked_for_force_holds_it(glove):
@@ -36,9 +36,9 @@ def test_volts_fall_by_themselves_after_the_time_to_live(glove):
 def test_a_silent_driver_lets_the_volts_fall_within_the_commands_life(glove):
     """The driver stops ticking (its program hangs) while the link still keeps the board alive."""
     glove.arm()
-    glove._glove.brakes.engage("index", 1000, glove._glove.now_ns())
+    glove.devices.brakes.engage("index", 1000, glove.devices.now_ns())
     glove.advance(0.1)
-    glove._glove.follow(glove._glove.now_ns() + 300_000_000)
+    glove.devices.follow(glove.devices.now_ns() + 300_000_000)
     assert abs(_truth(glove)["volts"][0]) < 60
 
 
@@ -101,7 +101,7 @@ def test_every_brake_that_was_asked_for_gives_one_result(glove):
 
 def test_a_result_of_a_brake_says_when_it_was_asked_for_and_when_it_begins(glove):
     glove.arm()
-    asked_ns = glove._glove.now_ns()
+    asked_ns = glove.devices.now_ns()
     glove.brake("index", volts=400, ttl_s=0.5)
     glove.advance(0.1)
     rise_ns = min(time_ns for time_ns, _, kind, _ in _truth(glove)["events"] if kind != "shorted" and time_ns > asked_ns)
@@ -112,7 +112,7 @@ def test_a_result_of_a_brake_says_when_it_was_asked_for_and_when_it_begins(glove
 
 def test_a_brake_that_no_command_spoke_of_yet_is_superseded(glove):
     glove.arm()
-    brakes, now_ns = glove._glove.brakes, glove._glove.now_ns()
+    brakes, now_ns = glove.devices.brakes, glove.devices.now_ns()
     for volts in (300, 400):
         brakes.engage("index", volts, now_ns)
     brakes.engage("thumb", 400, now_ns)
@@ -127,7 +127,7 @@ def test_a_brake_that_no_command_spoke_of_yet_is_superseded(glove):
 
 def test_a_brake_whose_time_was_over_before_the_next_tick_is_late(glove):
     glove.arm()
-    brakes, now_ns = glove._glove.brakes, glove._glove.now_ns()
+    brakes, now_ns = glove.devices.brakes, glove.devices.now_ns()
     brakes.engage("index", 300, now_ns, ttl_s=0.001)
     brakes.tick(now_ns + 5_000_000)
     assert _results(glove) == [("index", "brake", False, "late")]
@@ -135,7 +135,7 @@ def test_a_brake_whose_time_was_over_before_the_next_tick_is_late(glove):
 
 def test_piezos_give_a_result_each(glove):
     glove.arm()
-    glove._glove.brakes.piezo(["index", "thumb"], 0.05, glove._glove.now_ns())
+    glove.devices.brakes.piezo(["index", "thumb"], 0.05, glove.devices.now_ns())
     glove.advance(0.1)
     assert _results(glove) == [("index", "piezo", True, None), ("thumb", "piezo", True, None)]
 
@@ -149,15 +149,15 @@ def test_a_refused_refresh_is_a_result_of_each_output_that_was_held(glove, monke
     def unsure(host_ns):
         raise ClockUncertain("sim://brake", "too coarse")
 
-    monkeypatch.setattr(glove._glove.links["brake"], "to_ticks", unsure)
+    monkeypatch.setattr(glove.devices.links["brake"], "to_ticks", unsure)
     glove.advance(0.1)
     assert set(_results(glove)) == {("index", "brake", False, "clock")}
 
 
 def test_what_was_asked_for_and_not_sent_when_going_off_is_denied(glove):
     glove.arm()
-    glove._glove.brakes.engage("index", 400, glove._glove.now_ns())
-    glove._glove.brakes.set_armed(False)
+    glove.devices.brakes.engage("index", 400, glove.devices.now_ns())
+    glove.devices.brakes.set_armed(False)
     assert _results(glove) == [("index", "brake", False, "unarmed")]
 
 
@@ -166,7 +166,7 @@ def test_one_output_is_let_go_of_and_the_other_held_on(glove):
     for name in ("index", "thumb"):
         glove.brake(name, volts=800, ttl_s=5.0)
     glove.advance(0.1)
-    glove._glove.brakes.release("index", glove._glove.now_ns())
+    glove.devices.brakes.release("index", glove.devices.now_ns())
     index, thumb = [], []
     for _ in range(12):
         glove.advance(0.005)
@@ -181,7 +181,7 @@ def test_all_outputs_are_let_go_of_at_once_and_not_when_their_command_runs_out(g
     glove.arm()
     glove.brake("index", volts=800, ttl_s=5.0)
     glove.advance(0.1)
-    glove._glove.brakes.release_all(glove._glove.now_ns())
+    glove.devices.brakes.release_all(glove.devices.now_ns())
     glove.advance(0.012)  # the command lead, and a discharge
     assert max(map(abs, _truth(glove)["volts"])) < 60
     glove.advance(0.1)
@@ -191,14 +191,14 @@ def test_all_outputs_are_let_go_of_at_once_and_not_when_their_command_runs_out(g
 def test_what_the_board_refuses_is_said(glove):
     """1500 V at 500 Hz is more than the supply can charge; and a clock that is not known schedules nothing."""
     glove.arm()
-    brakes = glove._glove.brakes
-    brakes.engage("index", 1500.0, glove._glove.now_ns(), frequency_hz=500.0)
+    brakes = glove.devices.brakes
+    brakes.engage("index", 1500.0, glove.devices.now_ns(), frequency_hz=500.0)
     glove.advance(0.05)
     assert {(refusal.command, refusal.reason) for refusal in brakes.take_refusals()} == {("drive", "bad_value")}
-    brakes.release_all(glove._glove.now_ns())
+    brakes.release_all(glove.devices.now_ns())
     glove.advance(0.05)
     brakes.take_refusals()
-    brakes.piezo(["index"], 0.1, glove._glove.now_ns(), at_ns=glove._glove.now_ns() + 10_000_000_000)
+    brakes.piezo(["index"], 0.1, glove.devices.now_ns(), at_ns=glove.devices.now_ns() + 10_000_000_000)
     assert [refusal.command for refusal in brakes.take_refusals()] == ["piezo"]
     assert max(map(abs, _truth(glove)["volts"])) < 1
 
@@ -208,5 +208,5 @@ def test_the_driver_itself_takes_no_volts_beyond_its_limit(glove, volts):
     """Not only the face of a script: scenes and patterns come in here."""
     glove.arm()
     with pytest.raises(InputError, match="amplitude_v"):
-        glove._glove.brakes.engage("index", volts, glove._glove.now_ns())
-    assert glove._glove.brakes.engaged() == {}
+        glove.devices.brakes.engage("index", volts, glove.devices.now_ns())
+    assert glove.devices.brakes.engaged() == {}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from haptics.devices.coil_ends import CoilEnds
-from haptics.session.open_glove import open as open_glove
+from haptics.session.glove import open as open_glove
 
 
 @pytest.mark.parametrize("ppm", [-1000, -50, 0, 50, 1000])
@@ -19,7 +19,7 @@ def test_a_slow_or_fast_clock_costs_no_pulse(ppm):
         results = glove.results()
         assert len(results) == 41
         assert {(one.played, one.reason) for one in results} == {(True, None)}
-        played = glove._glove.telemetry["tactiles"].played
+        played = glove.devices.telemetry["tactiles"].played
         assert sorted(played, reverse=True)[:4] == [40, 40, 1, 0]  # two strokes a pulse
 
 

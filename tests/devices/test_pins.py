@@ -12,15 +12,15 @@ from haptics.errors import LinkError
 from haptics.link.commands import Pending
 from haptics.link.messages import Status
 from haptics.scheduling import latency_bound_s
-from haptics.session.open_glove import open as open_glove
+from haptics.session.glove import open as open_glove
 from haptics.time import NS_PER_MS, NS_PER_S
 
 MS = NS_PER_MS
 
 
 def latched(glove) -> tuple[str, ...]:
-    array = glove._glove.tactiles
-    pins = glove._glove.plant("tactiles").truth()["latched"]
+    array = glove.devices.tactiles
+    pins = glove.devices.plant("tactiles").truth()["latched"]
     return tuple(site for site, state in zip(array.sites, pins, strict=True) if state == "on")
 
 
@@ -61,7 +61,7 @@ def test_a_contact_denied_while_its_release_waits_strands_no_pin(glove):
 
 def refuse(glove, reason: str) -> list[str]:
     """The board refuses the next pulse command for this reason; returns the commands that were refused."""
-    link = glove._glove.links["tactiles"]
+    link = glove.devices.links["tactiles"]
     send, refused = link.send, []
 
     def refusing(name, *values, now_ns):
@@ -100,7 +100,7 @@ def test_a_pin_whose_release_was_refused_is_out_and_what_is_not_wanted_is_not_tr
     refuse(glove, reason)
     glove.release("index_tip")
     glove.advance(0.0005)
-    glove._glove.tactiles._pins[1].wanted_out = True  # a hand that came back; its contact is denied
+    glove.devices.tactiles._pins[1].wanted_out = True  # a hand that came back; its contact is denied
     glove.advance(0.1)
     assert glove.state().pins_out == latched(glove) == ("index_tip",)
     glove.release("index_tip")
@@ -115,18 +115,18 @@ def test_a_release_that_would_be_tried_again_is_not_once_the_board_was_off(glove
     glove.advance(0.1)
     refused = refuse(glove, "hot")
     glove.release("index_tip")
-    array = glove._glove.tactiles
+    array = glove.devices.tactiles
     while not array._again:
-        array.tick(glove._glove.now_ns())
-        glove._glove.follow(glove._glove.now_ns() + MS)
+        array.tick(glove.devices.now_ns())
+        glove.devices.follow(glove.devices.now_ns() + MS)
     assert refused
-    for link in glove._glove.links.values():
-        link.stop(glove._glove.now_ns())
-    glove._glove.follow(glove._glove.now_ns() + 20 * MS)
-    energy_j = sum(glove._glove.plant("tactiles").truth()["energy_j"])
+    for link in glove.devices.links.values():
+        link.stop(glove.devices.now_ns())
+    glove.devices.follow(glove.devices.now_ns() + 20 * MS)
+    energy_j = sum(glove.devices.plant("tactiles").truth()["energy_j"])
     glove.arm()
     glove.advance(0.4)
-    assert sum(glove._glove.plant("tactiles").truth()["energy_j"]) == energy_j
+    assert sum(glove.devices.plant("tactiles").truth()["energy_j"]) == energy_j
     glove.release("index_tip")
     glove.advance(0.1)
     assert latched(glove) == ()
@@ -135,14 +135,14 @@ def test_a_release_that_would_be_tried_again_is_not_once_the_board_was_off(glove
 def test_a_stroke_whose_answer_is_waited_for_no_longer_is_in_doubt(glove):
     """The board disarmed itself before it said what became of the stroke."""
     glove.arm()
-    link = glove._glove.links["tactiles"]
+    link = glove.devices.links["tactiles"]
     send = link.send
     link.send = lambda name, *values, now_ns: Pending(name) if name == "pulse" else send(name, *values, now_ns=now_ns)
     glove.contact("index_tip")
     glove.advance(0.01)
     assert glove.results() == []
     link.send = send
-    glove._glove.plant("tactiles").board._stop(None)
+    glove.devices.plant("tactiles").board._stop(None)
     glove.advance(0.06)
     assert [(one.kind, one.played, one.reason) for one in glove.results()] == [("contact", False, "unknown")]
     assert glove.state().pins_out == ("index_tip",)  # it may be
@@ -150,7 +150,7 @@ def test_a_stroke_whose_answer_is_waited_for_no_longer_is_in_doubt(glove):
 
 def test_a_contact_that_waits_is_given_up_with_its_release_and_no_coil_is_heated(glove):
     glove.arm()
-    sites = glove._glove.tactiles.sites
+    sites = glove.devices.tactiles.sites
     for site in sites:
         glove.contact(site)
     glove.advance(0.004)  # three play
@@ -168,10 +168,10 @@ def test_contacts_and_releases_in_turns_every_5_ms_on_all_channels_play_both(glo
     asked_ns: dict[str, int] = {}
     worst_ns, played = 0, Counter()
     for turn in range(400):
-        now_ns = glove._glove.now_ns()
-        for site in glove._glove.tactiles.sites:
+        now_ns = glove.devices.now_ns()
+        for site in glove.devices.tactiles.sites:
             if turn % 2:
-                if glove._glove.tactiles.release(site, now_ns):
+                if glove.devices.tactiles.release(site, now_ns):
                     asked_ns[site] = now_ns
             else:
                 glove.contact(site)
@@ -193,7 +193,7 @@ def test_whatever_was_asked_pins_are_believed_where_they_are_and_come_back(seed:
     rng = random.Random(seed)
     with open_glove(tactiles=f"sim://tactiles?spread=0{line}", clock="virtual", seed=seed + 1) as glove:
         glove.arm()
-        sites = rng.sample(glove._glove.tactiles.sites, rng.choice([2, 6, 15]))
+        sites = rng.sample(glove.devices.tactiles.sites, rng.choice([2, 6, 15]))
         for _ in range(250):
             site, ask = rng.choice(sites), rng.random()
             if ask < 0.45:

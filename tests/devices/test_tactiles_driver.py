@@ -7,11 +7,11 @@ import pytest
 import haptics
 from haptics.errors import InputError
 from haptics.link.messages import State
-from haptics.session.open_glove import open as open_glove
+from haptics.session.glove import open as open_glove
 
 
 def _truth(glove):
-    return glove._glove.plant("tactiles").truth()
+    return glove.devices.plant("tactiles").truth()
 
 
 def test_a_contact_brings_the_pin_out_and_it_stays_without_power(glove):
@@ -41,7 +41,7 @@ def test_a_pulse_leaves_the_pin_in(glove):
     glove.advance(0.3)
     assert _truth(glove)["latched"][10] == "off"
     assert [r.played for r in glove.results()] == [True] * 5
-    assert glove._glove.telemetry["tactiles"].played[10] == 10  # two strokes a pulse
+    assert glove.devices.telemetry["tactiles"].played[10] == 10  # two strokes a pulse
 
 
 def test_a_pulse_at_a_site_in_contact_is_denied_and_does_not_pull_the_pin_off_the_skin(glove):
@@ -72,8 +72,8 @@ def test_a_train_that_nobody_may_play_is_denied_at_once(glove):
 
 def test_all_sites_at_once_keep_within_the_current_limit_and_the_latency_bound(glove):
     glove.arm()
-    start_ns = glove._glove.now_ns()
-    for site in glove._glove.tactiles.sites:
+    start_ns = glove.devices.now_ns()
+    for site in glove.devices.tactiles.sites:
         glove.contact(site)
     most = 0
     for _ in range(80):

@@ -12,7 +12,7 @@ import sys
 from typing import Any
 
 from haptics.cli.main import main
-from haptics.session.glove import Glove
+from haptics.session.devices import Devices
 
 
 def say(word: str) -> None:
@@ -21,9 +21,9 @@ def say(word: str) -> None:
 
 def watched(name: str, before: str | None, after: str | None) -> None:
     """Say when a method of the glove begins, and wait; say when it has ended."""
-    original = getattr(Glove, name)
+    original = getattr(Devices, name)
 
-    def method(self: Glove, *args: Any) -> Any:
+    def method(self: Devices, *args: Any) -> Any:
         if before is not None:
             say(before)
             sys.stdin.readline()
@@ -33,10 +33,10 @@ def watched(name: str, before: str | None, after: str | None) -> None:
             say(after)
         return result
 
-    setattr(Glove, name, method)
+    setattr(Devices, name, method)
 
 
-def safe(glove: Glove) -> None:
+def safe(glove: Devices) -> None:
     """Say what is still energised after going off; nothing, one hopes."""
     plants = {name: plant.truth() for name in glove.links if (plant := glove.plant(name)) is not None}
     if any(state != "off" for state in plants.get("tactiles", {}).get("latched", ())):
@@ -49,9 +49,9 @@ def safe(glove: Glove) -> None:
 
 def ticking(at: int) -> None:
     """Say when the glove was ticked so often after arming, and wait."""
-    original, ticks = Glove.follow, [0]
+    original, ticks = Devices.follow, [0]
 
-    def follow(self: Glove, to_ns: int) -> None:
+    def follow(self: Devices, to_ns: int) -> None:
         ticks[0] += self._wanted_armed
         if ticks[0] == at:
             ticks[0] += 1
@@ -59,7 +59,7 @@ def ticking(at: int) -> None:
             sys.stdin.readline()
         original(self, to_ns)
 
-    Glove.follow = follow  # type: ignore[method-assign]
+    Devices.follow = follow  # type: ignore[method-assign]
 
 
 if __name__ == "__main__":

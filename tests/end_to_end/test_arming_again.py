@@ -7,7 +7,7 @@ import pytest
 import haptics as product
 from haptics.errors import LimitError
 from haptics.session.configuration import BrakeConfiguration
-from haptics.session.glove import Glove
+from haptics.session.devices import Devices
 
 PERIOD_S = 0.050  # of the square wave at 20 Hz
 
@@ -41,7 +41,7 @@ def test_a_brake_stopped_at_any_phase_of_its_wave_is_armed_and_driven_again(phas
 
 
 def test_arming_goes_by_what_the_board_says_now_and_not_by_what_it_said_before():
-    glove = Glove(None, BrakeConfiguration(), realtime=False)
+    glove = Devices(None, BrakeConfiguration(), realtime=False)
     try:
         glove.arm()
         assert glove.links["brake"].armed

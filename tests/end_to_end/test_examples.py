@@ -15,6 +15,11 @@ from haptics.session.run import RunOptions, run_scene
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 SHOWN = {
+    "engine_loop.py": [
+        r"1\.3\d s: 100\d V; the index brake holds 9\.\d N\n",
+        r"grasp_begin +ball",
+        r"(\d+) of \1 taps played; 0 poses refused",
+    ],
     "glove_basics.py": [
         r"pins out: index_tip\n",
         r"pins out: none; brake at 0 V",

@@ -10,8 +10,9 @@ from haptics.fidelity.notice import NOTICES, force_notice, rate_notice
 from haptics.physics.brake import levels as brake
 from haptics.physics.latch import pulse as latch
 from haptics.scene import load_scene, shipped_scenes
+from haptics.session.composition import open_planned, with_ports
 from haptics.session.configuration import Configuration
-from haptics.session.run import RunOptions, open_glove, run_scene
+from haptics.session.run import RunOptions, run_scene
 
 LADDERS = {"latch": latch.LEVELS, "brake": brake.LEVELS}
 SCENES = [name for name, _ in shipped_scenes()]
@@ -40,7 +41,7 @@ def test_a_scene_without_brakes_has_no_brake_and_opens_no_port_for_one():
     plan = plan_scene(load_scene("desk"))
     assert not plan.builds("brake")
     assert {"brake", "piezo"} <= {absence.device for absence in plan.absent}
-    glove = open_glove(load_scene("desk"), plan, Configuration(), RunOptions())
+    glove = open_planned(load_scene("desk"), plan, Configuration())
     try:
         assert set(glove.links) == {"tactiles"}
     finally:
@@ -53,7 +54,7 @@ def test_a_scene_with_two_fingertips_builds_two_actuators(two_tips):
     assert row_of(plan, "latch").count == 2
     assert row_of(plan, "latch").cost_s_per_s == pytest.approx(row_of(whole, "latch").cost_s_per_s * 2 / 15)
     assert any(absence.device == "actuators" and "little_tip" in absence.why for absence in plan.absent)
-    glove = open_glove(two_tips, plan, Configuration(), RunOptions())
+    glove = open_planned(two_tips, plan, Configuration())
     try:
         truth = glove.plant("tactiles").truth()
         assert len(truth["fitted"]) == 2
@@ -146,8 +147,8 @@ def test_force_is_judged_by_the_nearest_published_step_through_the_laws_slope():
 
 def test_the_users_own_url_wins_over_the_plan():
     scene = load_scene("desk")
-    options = RunOptions(port_tactiles="sim://tactiles?level=dynamic&fitted=32767")
-    glove = open_glove(scene, plan_scene(scene), Configuration(), options)
+    configuration = with_ports(Configuration(), "sim://tactiles?level=dynamic&fitted=32767", None)
+    glove = open_planned(scene, plan_scene(scene), configuration)
     try:
         assert len(glove.plant("tactiles").truth()["fitted"]) == 15
     finally:

@@ -157,7 +157,7 @@ def test_nothing_is_overwritten_unless_forced(tmp_path):
 
 
 def test_options_and_designs_out_of_range_are_refused():
-    with pytest.raises(InputError, match="sheet_width_m = 0 m is not allowed"):
+    with pytest.raises(InputError, match="sheet_width_m = 0 m; allowed"):
         PatternOptions(sheet_width_m=0)
     with pytest.raises(InputError, match=r"front = .* expected three finite numbers, not all 0"):
         PatternOptions(front=(0.0, 0.0, 0.0))

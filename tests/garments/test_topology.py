@@ -247,7 +247,7 @@ def test_equal_ranks_go_by_number() -> None:
 @pytest.mark.parametrize(
     ("coverage", "options", "message"),
     [
-        (0.0, {}, "coverage = 0 is not allowed; allowed: 0.01 to 1"),
+        (0.0, {}, "coverage = 0; allowed 0.01 to 1"),
         (1.2, {}, "coverage = 1.2"),
         (float("nan"), {}, "coverage = nan"),
         (0.5, {"start": np.zeros(600, bool)}, "start reinforces nothing"),

@@ -13,9 +13,9 @@ from haptics.fidelity import plan_scene
 from haptics.recording import finalise, load
 from haptics.scene import load_scene
 from haptics.scene.hand_files.load import load_hand
+from haptics.session.composition import open_planned
 from haptics.session.configuration import Configuration
 from haptics.session.recorder import Recorder
-from haptics.session.run import RunOptions, open_glove
 from haptics.session.session import Session
 from haptics.time import NS_PER_MS
 
@@ -29,7 +29,7 @@ class Stage:
         configuration = configuration or Configuration()
         self.recording = load_hand("synthetic")
         scene = load_scene(name).placed_for(self.recording)
-        self.glove = open_glove(scene, plan_scene(scene), configuration, RunOptions())
+        self.glove = open_planned(scene, plan_scene(scene), configuration)
         recorder = None if record is None else Recorder(record, {}, force=False)
         self.session = Session(scene, self.glove, configuration, recorder)
         self.glove.arm()
@@ -143,7 +143,7 @@ def test_a_first_pose_in_the_wrong_place_costs_one_pose_more_and_is_let_go(playg
 @pytest.mark.parametrize("frame", [None, {"wrist": [0, 0, 0]}, "pose"])
 def test_what_is_no_frame_at_all_is_an_error_and_changes_nothing(playground, frame):
     playground.run(600)
-    with pytest.raises(InputError, match="a HandFrame"):
+    with pytest.raises(InputError, match="expected a HandFrame"):
         playground.session.submit(frame, playground.glove.now_ns())
     playground.run(1500)
     assert "pose_refused" not in playground.kinds()

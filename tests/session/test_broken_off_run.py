@@ -26,7 +26,7 @@ def test_a_run_that_is_broken_off_goes_off_and_leaves_what_it_had_marked_incompl
 
     closed = []
     monkeypatch.setattr(Session, "tick", breaks_off)
-    monkeypatch.setattr("haptics.session.glove.Glove.close", lambda self: closed.append(self.plant("brake").truth()))
+    monkeypatch.setattr("haptics.session.devices.Devices.close", lambda self: closed.append(self.plant("brake").truth()))
     with pytest.raises(type(error)):
         run_scene("playground", "synthetic", Configuration(), RunOptions(out=tmp_path / "run.h5"))
     assert max(abs(volts) for volts in closed[0]["volts"]) < 60

@@ -11,7 +11,7 @@ import pytest
 
 from haptics.errors import InputError
 from haptics.session.configuration import Configuration, check_configuration, load_configuration
-from haptics.session.glove import Glove
+from haptics.session.devices import Devices
 
 DOCS = Path(__file__).resolve().parents[2] / "docs" / "reference"
 
@@ -158,7 +158,7 @@ def test_an_unknown_key_is_refused_with_those_there_are(table, said):
 def worked_hard(table: dict, sites: tuple[str, ...] = ("index_tip",), cycles: int = 400) -> dict:
     """The plant, after a glove of this file was asked for more than it may give: out and in again each 40 ms."""
     part = check_configuration({"tactiles": {"port": "sim://tactiles?spread=0", **table}}, "glove.toml").tactiles
-    glove = Glove(part, None, realtime=False)
+    glove = Devices(part, None, realtime=False)
     try:
         glove.arm()
         max_on = 0
@@ -195,7 +195,7 @@ def test_an_actuator_that_its_bench_found_to_warm_more_is_spared_more():
 
 def test_a_brakes_time_to_live_is_what_its_volts_have_when_the_program_hangs():
     part = check_configuration({"brake": {"ttl_s": 0.05}}, "glove.toml").brake
-    glove = Glove(None, part, realtime=False)
+    glove = Devices(None, part, realtime=False)
     try:
         glove.arm()
         glove.brakes.engage("index", 800.0, glove.now_ns())

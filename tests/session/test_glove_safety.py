@@ -10,14 +10,14 @@ from haptics.errors import HapticsError, InputError
 from haptics.link.framing import Deframer
 from haptics.link.messages import BY_TYPE, State
 from haptics.session.configuration import BrakeConfiguration, TactilesConfiguration
-from haptics.session.glove import Glove
-from haptics.session.open_glove import open as open_glove
+from haptics.session.devices import Devices
+from haptics.session.glove import open as open_glove
 
 MS = 1_000_000
 SUPPLY_V = 5.0
 
 
-class Worn(Glove):
+class Worn(Devices):
     """A glove in virtual time whose wires are read, too."""
 
     def __init__(self, tactiles: str = "sim://tactiles?spread=0", brake: str = "sim://brake?spread=0"):
@@ -228,8 +228,8 @@ def test_a_lost_link_forbids_and_says_so():
 @pytest.mark.parametrize("error", [None, InputError("a script's own mistake"), KeyboardInterrupt()])
 def test_a_script_ends_in_off_whatever_ended_it(error, monkeypatch):
     seen = []
-    close = Glove.close
-    monkeypatch.setattr(Glove, "close", lambda self: (seen.append(self.plant("brake").truth()), close(self)))
+    close = Devices.close
+    monkeypatch.setattr(Devices, "close", lambda self: (seen.append(self.plant("brake").truth()), close(self)))
 
     def script() -> None:
         with open_glove(tactiles="sim://tactiles", brake="sim://brake?spread=0", clock="virtual") as glove:

@@ -27,12 +27,12 @@ CORNERS = [f"tau_s={tau}&c_k_per_w={c}&resistance_ohm={ohm}" for tau in (97, 107
 
 def hottest(glove) -> float:
     """The plants' truth: the warmest actuator now."""
-    return max(glove._glove.plant("tactiles").truth()["rise_k"])
+    return max(glove.devices.plant("tactiles").truth()["rise_k"])
 
 
 def torment(glove, rng: np.random.Generator, seconds: float, sites=SITES) -> float:
     """Ask for all that the array can do, everywhere and at once; the warmest that any actuator really was."""
-    array = glove._glove.tactiles
+    array = glove.devices.tactiles
     peak_k = 0.0
     for _ in range(round(seconds / 0.25)):
         for site in sites:
@@ -44,11 +44,11 @@ def torment(glove, rng: np.random.Generator, seconds: float, sites=SITES) -> flo
             elif what == 2:
                 glove.pulse(site, count=25, rate_hz=100)
             else:
-                array.burst(site, 10, glove._glove.now_ns())
+                array.burst(site, 10, glove.devices.now_ns())
         for _ in range(5):
             glove.advance(0.05)
             for site in sites:
-                array.burst(site, 10, glove._glove.now_ns())
+                array.burst(site, 10, glove.devices.now_ns())
         peak_k = max(peak_k, hottest(glove))
     return peak_k
 
@@ -139,15 +139,15 @@ def test_limits_of_the_file_reach_the_boards(tmp_path):
         "[brake]\nmax_amplitude_v = 400\nmax_frequency_hz = 50\nttl_s = 0.1\nmax_charge_c = 2e-6\n"
     )
     with haptics.open(str(path), clock="virtual") as glove:
-        array, brake = (glove._glove.plant(name).board for name in ("tactiles", "brake"))
+        array, brake = (glove.devices.plant(name).board for name in ("tactiles", "brake"))
         assert list(array.limits) == [160, 8000, 64, 3000, 636]
         assert list(brake.limits) == [400, 500, 500, 1000, 2000]
         with pytest.raises(haptics.InputError, match="400"):
             glove.brake("index", volts=401)
         glove.arm()
-        link = glove._glove.links["brake"]
+        link = glove.devices.links["brake"]
         raw = link.send(
-            "drive", link.to_ticks(glove._glove.now_ns() + 10_000_000), 1, 401, 200, 100, now_ns=glove._glove.now_ns()
+            "drive", link.to_ticks(glove.devices.now_ns() + 10_000_000), 1, 401, 200, 100, now_ns=glove.devices.now_ns()
         )
         glove.advance(0.05)
         assert raw.status == 7  # bad_value: a path that passes by the driver meets the board
@@ -184,7 +184,7 @@ def url_in(name: str, device: str = CORNERS[-2], core: str = "py") -> str:
 
 def disarm(glove) -> None:
     """As ``haptics off`` does: clear what a dead-man or a brown-out latched."""
-    glove._glove.links["tactiles"].send("disarm", now_ns=glove._glove.now_ns())
+    glove.devices.links["tactiles"].send("disarm", now_ns=glove.devices.now_ns())
     glove.advance(0.1)
 
 
@@ -194,16 +194,16 @@ def session(url: str, rng: np.random.Generator, end: str, seconds: float = 1.5) 
     disarm(glove)
     glove.arm()
     believed_k = glove.state().rise_k["index_tip"]
-    assert glove._glove.plant("tactiles").truth()["rise_k"][1] <= believed_k * (1 + 1e-9)
+    assert glove.devices.plant("tactiles").truth()["rise_k"][1] <= believed_k * (1 + 1e-9)
     peak_k = torment(glove, rng, seconds, SITES[:3])
     reasons = [result.reason for result in glove.results()]
     assert "hot" not in reasons
     if end == "killed":
-        for link in glove._glove.links.values():
+        for link in glove.devices.links.values():
             link.close()
     else:
         if end == "rebooted":
-            glove._glove.links["tactiles"].port.board.reset()
+            glove.devices.links["tactiles"].port.board.reset()
         glove.close()
     return believed_k, peak_k, reasons.count("heat")
 
@@ -232,7 +232,7 @@ def test_a_board_that_lost_its_account_starts_at_its_limit_and_the_host_says_so(
     name, _ = world
     session(url_in(name, core=core), np.random.default_rng(1), "killed")
     with haptics.open(tactiles=url_in(name, core=core), clock="virtual") as glove:
-        plant = glove._glove.plant("tactiles")
+        plant = glove.devices.plant("tactiles")
         plant.set_load(0, brown_out=1)
         glove.advance(0.5)
         disarm(glove)
@@ -263,7 +263,7 @@ def test_what_a_host_knows_itself_is_neither_lowered_nor_raised_by_arming_again(
         torment(glove, np.random.default_rng(1), 1.0, SITES[:3])
         for _ in range(3):
             glove.off()
-            budget = glove._glove.tactiles.budgets[1]
+            budget = glove.devices.tactiles.budgets[1]
             before_k, at_ns = budget.rise_k(budget.latest_ns), budget.latest_ns
             glove.arm()
             now_k, now_ns = budget.rise_k(budget.latest_ns), budget.latest_ns
@@ -274,7 +274,7 @@ def test_what_a_host_knows_itself_is_neither_lowered_nor_raised_by_arming_again(
 def test_what_a_stuck_driver_took_is_in_the_account_when_armed_again():
     """The board charges every coil, as any may have been the one; the plant shows which."""
     with haptics.open(tactiles=f"sim://tactiles?level=event&{CORNERS[2]}", clock="virtual") as glove:
-        plant = glove._glove.plant("tactiles")
+        plant = glove.devices.plant("tactiles")
         for _ in range(3):
             glove.arm()
             plant.set_load(1, driver_stuck=1)

@@ -7,8 +7,8 @@ import threading
 import pytest
 
 from haptics.errors import DeadManMissed, GloveEnded, HapticsError
-from haptics.session import glove as glove_module, service as service_module
-from haptics.session.open_glove import OpenGlove, open as open_glove
+from haptics.session import devices as devices_module, service as service_module
+from haptics.session.glove import Glove, open as open_glove
 
 TACTILES, BRAKE = "sim://tactiles?spread=0", "sim://brake?spread=0"
 CALLS = {
@@ -25,12 +25,12 @@ CALLS = {
 }
 
 
-def virtual() -> OpenGlove:
+def virtual() -> Glove:
     return open_glove(tactiles=TACTILES, brake=BRAKE, clock="virtual")
 
 
 def ports(glove):
-    return [link.port for link in glove._glove.links.values()]
+    return [link.port for link in glove.devices.links.values()]
 
 
 @pytest.fixture
@@ -53,7 +53,7 @@ def test_every_call_of_a_closed_glove_says_that_it_is_closed():
 def test_a_glove_in_real_time_is_served_without_a_with(real):
     real.arm()  # would never see telemetry, nor feed the dead-man, if nobody served it
     seen = threading.Event()
-    real._glove.on_event(lambda board, event: seen.set())
+    real.devices.on_event(lambda board, event: seen.set())
     assert seen.wait(30)
     assert {"tactiles", "brake"} == set(real.state().armed) or real.state().faults
 
@@ -62,14 +62,14 @@ def test_a_glove_in_real_time_is_served_without_a_with(real):
 def test_a_thread_that_dies_goes_off_and_every_later_call_names_the_cause(real, times):
     real.arm()
     real.contact("index_tip")
-    left, tick = [times], real._glove.tick
+    left, tick = [times], real.devices.tick
 
     def fails(now_ns):
         left[0] -= 1
         return 1 / 0 if left[0] >= 0 else tick(now_ns)
 
     with real._lock:
-        real._glove.tick = fails
+        real.devices.tick = fails
     real._service._thread.join(30)
     state = real.state()
     assert state.armed == ()
@@ -116,7 +116,7 @@ def test_state_says_how_old_telemetry_is_and_believes_nothing_stale():
     assert state.stale == ()
     assert all(0.0 <= age_s <= 0.03 for age_s in state.telemetry_age_s.values())
     assert state.volts["index"] == pytest.approx(500, abs=30)
-    glove._glove.links["brake"].session.receive = lambda data, now_ns: None  # the line loses whatever comes
+    glove.devices.links["brake"].session.receive = lambda data, now_ns: None  # the line loses whatever comes
     glove.advance(0.5)
     state = glove.state()
     assert state.stale == ("brake",)
@@ -133,7 +133,7 @@ def test_closing_closes_the_ports_whatever_going_off_does(error, monkeypatch):
     def fails():
         raise error
 
-    monkeypatch.setattr(glove._glove, "off", fails)
+    monkeypatch.setattr(glove.devices, "off", fails)
     with pytest.raises(type(error)):
         glove.close()
     assert not any(port.is_open for port in ports(glove))
@@ -142,7 +142,7 @@ def test_closing_closes_the_ports_whatever_going_off_does(error, monkeypatch):
 
 def test_ctrl_c_between_two_ports_closes_the_second_too(monkeypatch):
     glove = virtual()
-    first = next(iter(glove._glove.links.values()))
+    first = next(iter(glove.devices.links.values()))
     closing, closed = first.close, []
 
     def interrupted():
@@ -158,7 +158,7 @@ def test_ctrl_c_between_two_ports_closes_the_second_too(monkeypatch):
 
 
 def test_a_call_that_never_ends_does_not_keep_the_ports_open(monkeypatch):
-    monkeypatch.setattr("haptics.session.open_glove.JOIN_S", 0.01)
+    monkeypatch.setattr("haptics.session.glove.JOIN_S", 0.01)
     glove = virtual()
     holds, ends = threading.Event(), threading.Event()
 
@@ -180,8 +180,8 @@ def test_a_call_that_never_ends_does_not_keep_the_ports_open(monkeypatch):
 def test_a_glove_closed_by_eight_threads_goes_off_once(monkeypatch):
     glove = virtual()
     glove.arm()
-    offs, go_off = [], glove._glove.off
-    monkeypatch.setattr(glove._glove, "off", lambda: (offs.append(1), go_off()))
+    offs, go_off = [], glove.devices.off
+    monkeypatch.setattr(glove.devices, "off", lambda: (offs.append(1), go_off()))
     threads = [threading.Thread(target=glove.close) for _ in range(8)]
     for thread in threads:
         thread.start()
@@ -223,7 +223,7 @@ def test_calls_of_several_threads_come_one_after_another():
 def test_what_a_brake_controller_refuses_is_among_the_results():
     glove = virtual()
     glove.arm()
-    plant = glove._glove.plant("brake")
+    plant = glove.devices.plant("brake")
     plant.set_load(0, lid_open=1.0)
     glove.advance(0.05)
     glove.brake("index", volts=500.0, ttl_s=1.0)
@@ -236,8 +236,8 @@ def test_what_a_brake_controller_refuses_is_among_the_results():
 
 def test_a_thread_that_cannot_be_started_leaves_no_port_open(monkeypatch):
     made = []
-    opening = glove_module.open_port
-    monkeypatch.setattr(glove_module, "open_port", lambda *a: made.append(opening(*a)) or made[-1])
+    opening = devices_module.open_port
+    monkeypatch.setattr(devices_module, "open_port", lambda *a: made.append(opening(*a)) or made[-1])
 
     def no_more(self):
         raise RuntimeError("can't start new thread")
@@ -255,7 +255,7 @@ def test_a_call_serves_a_glove_whose_thread_gets_no_turn(real, monkeypatch):
     real._service.stop()  # it never gets a turn again
     real._service._stopping.clear()
     served = []
-    monkeypatch.setattr(real._service, "serve", lambda: served.append(real._glove.now_ns()))
+    monkeypatch.setattr(real._service, "serve", lambda: served.append(real.devices.now_ns()))
     with real._lock:
         late_ns = service_module.awake_ns() + 2_000_000
         monkeypatch.setattr(service_module, "awake_ns", lambda: late_ns)
@@ -276,9 +276,9 @@ def test_the_first_call_after_a_gap_already_says_so(real, monkeypatch):
 def test_off_clears_a_latched_dead_man_so_that_the_glove_can_be_armed_again():
     with virtual() as glove:
         glove.arm()
-        clock = glove._glove.clock
+        clock = glove.devices.clock
         late_ns = clock.now_ns() + 300_000_000
-        for link in glove._glove.links.values():  # boards go on by themselves
+        for link in glove.devices.links.values():  # boards go on by themselves
             link.advance(late_ns)
         clock.advance_to(late_ns)
         glove.advance(0.05)
@@ -293,7 +293,7 @@ def test_off_clears_a_latched_dead_man_so_that_the_glove_can_be_armed_again():
 
 def test_leaving_a_with_clears_no_fault(monkeypatch):
     glove = virtual()
-    monkeypatch.setattr(glove._glove, "clear_faults", lambda: pytest.fail("a fault nobody looked at was cleared"))
+    monkeypatch.setattr(glove.devices, "clear_faults", lambda: pytest.fail("a fault nobody looked at was cleared"))
     with glove:
         glove.arm()
 
@@ -301,7 +301,7 @@ def test_leaving_a_with_clears_no_fault(monkeypatch):
 def test_a_forked_process_neither_uses_nor_closes_the_glove_of_its_parent(monkeypatch):
     glove = virtual()
     glove.arm()
-    monkeypatch.setattr("haptics.session.open_glove.os.getpid", lambda: -1)
+    monkeypatch.setattr("haptics.session.glove.os.getpid", lambda: -1)
     for call in CALLS.values():
         with pytest.raises(GloveEnded, match="served by process"):
             call(glove)

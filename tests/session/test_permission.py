@@ -15,7 +15,7 @@ import haptics as product
 from haptics.errors import HapticsError, LinkLost
 from haptics.link.framing import encode_frame
 from haptics.link.messages import BY_NAME, State
-from haptics.session.open_glove import OpenGlove
+from haptics.session.glove import Glove
 from haptics.time import NS_PER_MS
 
 CLEAR_S = 0.6
@@ -27,9 +27,9 @@ WATCHED_S = 1.2
 class Truth:
     """What both plants do from now on."""
 
-    def __init__(self, glove: OpenGlove):
+    def __init__(self, glove: Glove):
         self.glove = glove
-        self.boards = {name: glove._glove.plant(name) for name in glove._glove.links}
+        self.boards = {name: glove.devices.plant(name) for name in glove.devices.links}
         self.energy_j, self.latched, self.switches = self._coils()
 
     def _coils(self) -> tuple[float, list[str], list[int]]:
@@ -45,10 +45,10 @@ class Truth:
         assert self._coils() == (self.energy_j, self.latched, self.switches)
 
 
-def wish(glove: OpenGlove) -> None:
+def wish(glove: Glove) -> None:
     """All that one can ask for: now, for long, and for later."""
-    now_ns = glove._glove.now_ns()
-    array, brakes = glove._glove.tactiles, glove._glove.brakes
+    now_ns = glove.devices.now_ns()
+    array, brakes = glove.devices.tactiles, glove.devices.brakes
     assert array is not None
     assert brakes is not None
     glove.contact("thumb_tip")
@@ -61,51 +61,51 @@ def wish(glove: OpenGlove) -> None:
     brakes.piezo(["index"], 0.5, now_ns, at_ns=now_ns + 900 * NS_PER_MS)
 
 
-def host_is_away(glove: OpenGlove) -> None:
-    clock = glove._glove.clock
+def host_is_away(glove: Glove) -> None:
+    clock = glove.devices.clock
     clock.advance_to(clock.now_ns() + 150 * NS_PER_MS)
 
 
-def another_host(command: str) -> Callable[[OpenGlove], None]:
-    def act(glove: OpenGlove) -> None:
-        for link in glove._glove.links.values():
+def another_host(command: str) -> Callable[[Glove], None]:
+    def act(glove: Glove) -> None:
+        for link in glove.devices.links.values():
             link.port.write(encode_frame(BY_NAME[command].type, 211))
 
     return act
 
 
-def load(board: str, **what: float) -> Callable[[OpenGlove], None]:
-    return lambda glove: glove._glove.plant(board).set_load(0, **what)
+def load(board: str, **what: float) -> Callable[[Glove], None]:
+    return lambda glove: glove.devices.plant(board).set_load(0, **what)
 
 
-def short_a_coil(glove: OpenGlove) -> None:
+def short_a_coil(glove: Glove) -> None:
     load("tactiles", coil_short=1)(glove)
     glove.release("thumb_tip")  # that coil's next stroke
 
 
-def lost(board: str) -> Callable[[OpenGlove], None]:
-    def act(glove: OpenGlove) -> None:
-        link = glove._glove.links[board]
-        link.lose(LinkLost(link.name, "pulled"), glove._glove.now_ns())
+def lost(board: str) -> Callable[[Glove], None]:
+    def act(glove: Glove) -> None:
+        link = glove.devices.links[board]
+        link.lose(LinkLost(link.name, "pulled"), glove.devices.now_ns())
         glove.advance(0.2)
-        link.reopen(link.port, glove._glove.now_ns())
+        link.reopen(link.port, glove.devices.now_ns())
 
     return act
 
 
-def disarmed(glove: OpenGlove) -> None:
-    for link in glove._glove.links.values():
-        link.send("disarm", now_ns=glove._glove.now_ns())
+def disarmed(glove: Glove) -> None:
+    for link in glove.devices.links.values():
+        link.send("disarm", now_ns=glove.devices.now_ns())
 
 
-def reboot(board: str) -> Callable[[OpenGlove], None]:
-    return lambda glove: glove._glove.plant(board).board.reset()
+def reboot(board: str) -> Callable[[Glove], None]:
+    return lambda glove: glove.devices.plant(board).board.reset()
 
 
-def failed_arming(glove: OpenGlove) -> None:
-    plant = glove._glove.plant("brake")
+def failed_arming(glove: Glove) -> None:
+    plant = glove.devices.plant("brake")
     assert plant is not None
-    glove._glove.off()
+    glove.devices.off()
     glove.advance(CLEAR_S)
     plant.set_load(0, leak_ohm=1.0)
     with pytest.raises(HapticsError):
@@ -114,7 +114,7 @@ def failed_arming(glove: OpenGlove) -> None:
     plant.set_load(0, leak_ohm=float("inf"))
 
 
-WAYS: dict[str, Callable[[OpenGlove], None]] = {
+WAYS: dict[str, Callable[[Glove], None]] = {
     "off": lambda glove: glove.off(),
     "disarm": disarmed,
     "stop by another host": another_host("stop"),
@@ -136,12 +136,12 @@ WAYS: dict[str, Callable[[OpenGlove], None]] = {
 MENDED = {"tactiles": {"coil_short": 0, "supply_v": 5.0}, "brake": {"lid_open": 0, "leak_ohm": float("inf"), "bridge_stuck": 0}}
 
 
-def hand_back(glove: OpenGlove) -> None:
+def hand_back(glove: Glove) -> None:
     """What a person does who has looked: mend the cause, clear what is latched."""
     glove.advance(0.3)  # a board that rebooted is known by then
-    for name, link in glove._glove.links.items():
-        glove._glove.plant(name).set_load(0, **MENDED[name])
-        link.send("disarm", now_ns=glove._glove.now_ns())
+    for name, link in glove.devices.links.items():
+        glove.devices.plant(name).set_load(0, **MENDED[name])
+        link.send("disarm", now_ns=glove.devices.now_ns())
     glove.advance(CLEAR_S)
 
 
@@ -154,7 +154,7 @@ def glove(core: str):
 
 @on_every_core
 @pytest.mark.parametrize("way", WAYS)
-def test_armed_again_with_no_call_nothing_is_energised_and_no_pin_moves(glove: OpenGlove, way: str):
+def test_armed_again_with_no_call_nothing_is_energised_and_no_pin_moves(glove: Glove, way: str):
     glove.contact("index_tip")  # before the first arming
     glove.arm()
     glove.contact("middle_tip")
@@ -173,7 +173,7 @@ def test_armed_again_with_no_call_nothing_is_energised_and_no_pin_moves(glove: O
 
 
 @on_every_core
-def test_armed_again_while_armed_every_board_drops_what_it_was_asked_for(glove: OpenGlove):
+def test_armed_again_while_armed_every_board_drops_what_it_was_asked_for(glove: Glove):
     glove.arm()
     wish(glove)
     glove.advance(0.12)
@@ -182,7 +182,7 @@ def test_armed_again_while_armed_every_board_drops_what_it_was_asked_for(glove: 
 
 
 @on_every_core
-def test_what_is_asked_for_unarmed_is_denied_at_once_and_forgotten(glove: OpenGlove):
+def test_what_is_asked_for_unarmed_is_denied_at_once_and_forgotten(glove: Glove):
     wish(glove)
     denied = glove.results()
     assert {(one.played, one.reason) for one in denied} == {(False, "unarmed")}
@@ -193,7 +193,7 @@ def test_what_is_asked_for_unarmed_is_denied_at_once_and_forgotten(glove: OpenGl
 
 @pytest.mark.parametrize("core", ["py"])
 @pytest.mark.parametrize("way", [way for way in WAYS if way not in ("off", "failed arming", "dead-man")])
-def test_a_board_that_is_no_longer_armed_is_asked_for_nothing_more(glove: OpenGlove, way: str):
+def test_a_board_that_is_no_longer_armed_is_asked_for_nothing_more(glove: Glove, way: str):
     glove.arm()
     glove.contact("thumb_tip")
     glove.advance(0.05)
@@ -202,13 +202,13 @@ def test_a_board_that_is_no_longer_armed_is_asked_for_nothing_more(glove: OpenGl
     WAYS[way](glove)
     glove.advance(0.06)
     down = {"tactiles", "brake"} - set(glove.state().armed)
-    array, brakes = glove._glove.tactiles, glove._glove.brakes
+    array, brakes = glove.devices.tactiles, glove.devices.brakes
     assert down
     assert array is not None
     assert brakes is not None
     glove.results()
     glove.contact("little_tip")
-    brakes.engage("index", 300, glove._glove.now_ns())
+    brakes.engage("index", 300, glove.devices.now_ns())
     denied = {one.kind: one.reason for one in glove.results() if not one.played}
     if "tactiles" in down:
         assert array.idle
@@ -222,7 +222,7 @@ def test_a_board_that_is_no_longer_armed_is_asked_for_nothing_more(glove: OpenGl
 
 @pytest.mark.parametrize("core", ["py"])
 @pytest.mark.parametrize("way", ["lid", "leak", "brown-out of the brake", "lost brake", "reboot of the brake"])
-def test_a_fault_of_the_brake_keeps_no_pin_out_when_going_off(glove: OpenGlove, way: str):
+def test_a_fault_of_the_brake_keeps_no_pin_out_when_going_off(glove: Glove, way: str):
     glove.arm()
     glove.contact("index_tip")
     glove.brake("index", volts=800, ttl_s=30.0)
@@ -232,14 +232,14 @@ def test_a_fault_of_the_brake_keeps_no_pin_out_when_going_off(glove: OpenGlove, 
     assert glove.state().faults
     assert "tactiles" in glove.state().armed
     glove.off()
-    array = glove._glove.plant("tactiles").truth()
+    array = glove.devices.plant("tactiles").truth()
     assert set(array["latched"]) == {"off"}
     assert array["state"] == State.DISARMED
 
 
 @pytest.mark.parametrize("core", ["py"])
 @pytest.mark.parametrize("way", ["supply of the coils", "brown-out of the array", "lost array"])
-def test_a_fault_of_the_array_keeps_no_volts_on_when_going_off(glove: OpenGlove, way: str):
+def test_a_fault_of_the_array_keeps_no_volts_on_when_going_off(glove: Glove, way: str):
     glove.arm()
     glove.brake("index", volts=800, ttl_s=30.0)
     glove.advance(0.1)
@@ -248,13 +248,13 @@ def test_a_fault_of_the_array_keeps_no_volts_on_when_going_off(glove: OpenGlove,
     assert "brake" in glove.state().armed
     glove.off()
     glove.advance(0.1)
-    brake = glove._glove.plant("brake").truth()
+    brake = glove.devices.plant("brake").truth()
     assert max(abs(volts) for volts in brake["volts"]) < 60.0
     assert brake["state"] == State.DISARMED
 
 
 @pytest.mark.parametrize("core", ["py"])
-def test_an_old_fault_is_history_and_the_next_off_withdraws_pins(glove: OpenGlove):
+def test_an_old_fault_is_history_and_the_next_off_withdraws_pins(glove: Glove):
     glove.arm()
     load("brake", lid_open=1)(glove)
     glove.advance(0.1)
@@ -265,32 +265,32 @@ def test_an_old_fault_is_history_and_the_next_off_withdraws_pins(glove: OpenGlov
     glove.advance(0.1)
     assert glove.state().faults
     glove.off()
-    assert set(glove._glove.plant("tactiles").truth()["latched"]) == {"off"}
+    assert set(glove.devices.plant("tactiles").truth()["latched"]) == {"off"}
 
 
 @pytest.mark.parametrize("core", ["py"])
-def test_going_off_withdraws_pins_before_it_drops_volts(glove: OpenGlove):
+def test_going_off_withdraws_pins_before_it_drops_volts(glove: Glove):
     glove.arm()
     glove.brake("index", volts=800, ttl_s=30.0)
     for site in ("index_tip", "thumb_tip", "middle_tip", "ring_tip"):
         glove.contact(site)
     glove.advance(0.2)
     for name in ("tactiles", "brake"):
-        glove._glove.plant(name).truth()
+        glove.devices.plant(name).truth()
     glove.off()
-    events = {name: glove._glove.plant(name).truth()["events"] for name in ("tactiles", "brake")}
+    events = {name: glove.devices.plant(name).truth()["events"] for name in ("tactiles", "brake")}
     last_pin_ns = max(event[0] for event in events["tactiles"])
     shorted_ns = min(event[0] for event in events["brake"] if event[2] == "shorted")
     assert last_pin_ns < shorted_ns
 
 
 @on_every_core
-def test_a_missed_dead_man_is_said_at_once_and_energy_is_gone(glove: OpenGlove):
+def test_a_missed_dead_man_is_said_at_once_and_energy_is_gone(glove: Glove):
     glove.arm()
     glove.contact("index_tip")
     glove.brake("index", volts=800, ttl_s=30.0)
     glove.advance(0.1)
-    clock = glove._glove.clock
+    clock = glove.devices.clock
     clock.advance_to(clock.now_ns() + 134 * NS_PER_MS)
     glove.advance(0.001)
     said = [fault for fault in glove.state().faults if "host silent for" in fault]
@@ -302,7 +302,7 @@ def test_a_missed_dead_man_is_said_at_once_and_energy_is_gone(glove: OpenGlove):
 
 
 @pytest.mark.parametrize("core", ["py"])
-def test_a_pin_stays_believed_in_across_a_disarm_and_can_be_released_after(glove: OpenGlove):
+def test_a_pin_stays_believed_in_across_a_disarm_and_can_be_released_after(glove: Glove):
     glove.arm()
     glove.contact("index_tip")
     glove.advance(0.3)
@@ -313,32 +313,32 @@ def test_a_pin_stays_believed_in_across_a_disarm_and_can_be_released_after(glove
     glove.release("index_tip")
     glove.advance(0.1)
     assert glove.state().pins_out == ()
-    assert set(glove._glove.plant("tactiles").truth()["latched"]) == {"off"}
+    assert set(glove.devices.plant("tactiles").truth()["latched"]) == {"off"}
 
 
 @pytest.mark.parametrize("core", ["py"])
-def test_a_stroke_that_a_board_took_and_may_not_have_played_leaves_its_pin_in_doubt(glove: OpenGlove):
+def test_a_stroke_that_a_board_took_and_may_not_have_played_leaves_its_pin_in_doubt(glove: Glove):
     glove.arm()
-    array, now_ns = glove._glove.tactiles, glove._glove.now_ns()
+    array, now_ns = glove.devices.tactiles, glove.devices.now_ns()
     assert array is not None
     array.contact("index_tip", now_ns, at_ns=now_ns + 10 * NS_PER_MS)
     glove.advance(0.0095)
     assert [result.played for result in glove.results()] == [True]  # acknowledged, not begun
     another_host("stop")(glove)
     glove.advance(CLEAR_S)
-    assert set(glove._glove.plant("tactiles").truth()["latched"]) == {"off"}
+    assert set(glove.devices.plant("tactiles").truth()["latched"]) == {"off"}
     glove.arm()
     assert glove.state().pins_out == ("index_tip",), "it may be out"
     glove.contact("index_tip")  # and it may be in
     glove.advance(0.1)
-    assert glove._glove.plant("tactiles").truth()["latched"][1] == "on"
+    assert glove.devices.plant("tactiles").truth()["latched"][1] == "on"
     glove.release("index_tip")
     glove.advance(0.1)
     assert glove.state().pins_out == ()
 
 
 @pytest.mark.parametrize("core", ["py"])
-def test_whoever_interrupts_going_off_leaves_the_boards_stopped(glove: OpenGlove, monkeypatch: pytest.MonkeyPatch):
+def test_whoever_interrupts_going_off_leaves_the_boards_stopped(glove: Glove, monkeypatch: pytest.MonkeyPatch):
     glove.arm()
     glove.contact("index_tip")
     glove.brake("index", volts=800, ttl_s=30.0)
@@ -348,7 +348,7 @@ def test_whoever_interrupts_going_off_leaves_the_boards_stopped(glove: OpenGlove
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr(glove._glove, "_wait", interrupted)
+        patch.setattr(glove.devices, "_wait", interrupted)
         with pytest.raises(KeyboardInterrupt):
             glove.off()
     glove.advance(0.3)
@@ -358,7 +358,7 @@ def test_whoever_interrupts_going_off_leaves_the_boards_stopped(glove: OpenGlove
 
 @pytest.mark.parametrize("core", ["py"])
 @pytest.mark.parametrize("seed", range(5))
-def test_armed_again_after_any_way_at_any_phase_nothing_is_energised(glove: OpenGlove, seed: int):
+def test_armed_again_after_any_way_at_any_phase_nothing_is_energised(glove: Glove, seed: int):
     """The moment of the disarm falls anywhere between a wish, its command, the answer, its start and its end."""
     rng = random.Random(seed)
     ways = [way for way in WAYS if not way.startswith("lost")]
@@ -381,9 +381,9 @@ def test_armed_again_after_any_way_at_any_phase_nothing_is_energised(glove: Open
 
 @pytest.mark.parametrize("core", ["py"])
 @pytest.mark.parametrize("kind", ["pulse", "burst"])
-def test_a_pin_that_is_out_because_its_pulse_was_cut_short_is_not_believed_in(glove: OpenGlove, kind: str):
+def test_a_pin_that_is_out_because_its_pulse_was_cut_short_is_not_believed_in(glove: Glove, kind: str):
     """The board is made safe at each ms of a pulse; where the stroke back did not play, the next off makes up for it."""
-    array, plant = glove._glove.tactiles, glove._glove.plant("tactiles")
+    array, plant = glove.devices.tactiles, glove.devices.plant("tactiles")
     assert array is not None
     assert plant is not None
     left_out = 0
@@ -392,7 +392,7 @@ def test_a_pin_that_is_out_because_its_pulse_was_cut_short_is_not_believed_in(gl
         if kind == "pulse":
             glove.pulse("index_tip")
         else:
-            array.burst("index_tip", 10, glove._glove.now_ns())
+            array.burst("index_tip", 10, glove.devices.now_ns())
         glove.advance(after_ms / 1000)
         another_host("stop")(glove)
         glove.advance(CLEAR_S)
@@ -407,7 +407,7 @@ def test_a_pin_that_is_out_because_its_pulse_was_cut_short_is_not_believed_in(gl
 
 
 @pytest.mark.parametrize("core", ["py"])
-def test_a_pin_that_nobody_knows_of_and_nobody_wants_out_is_brought_in_before_its_next_pulse(glove: OpenGlove):
+def test_a_pin_that_nobody_knows_of_and_nobody_wants_out_is_brought_in_before_its_next_pulse(glove: Glove):
     glove.arm()
     glove.pulse("index_tip")
     glove.advance(0.007)  # out, and not back
@@ -420,7 +420,7 @@ def test_a_pin_that_nobody_knows_of_and_nobody_wants_out_is_brought_in_before_it
     glove.advance(0.3)
     assert [(one.kind, one.played) for one in glove.results()] == [("release", True), *[("pulse", True)] * 3]
     assert glove.state().pins_out == ()
-    assert glove._glove.plant("tactiles").truth()["latched"][1] == "off"
+    assert glove.devices.plant("tactiles").truth()["latched"][1] == "off"
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -430,13 +430,13 @@ def test_pulses_over_a_bad_line_leave_no_pin_out(seed: int):
     rng = random.Random(seed)
     with product.open(tactiles=url, clock="virtual") as opened:
         opened.arm()
-        array, plant = opened._glove.tactiles, opened._glove.plant("tactiles")
+        array, plant = opened.devices.tactiles, opened.devices.plant("tactiles")
         assert array is not None
         assert plant is not None
         for _ in range(60):
             for site in rng.sample(array.sites, 2):
                 opened.pulse(site)
-            array.burst(rng.choice(array.sites), 3, opened._glove.now_ns())
+            array.burst(rng.choice(array.sites), 3, opened.devices.now_ns())
             opened.advance(0.02)
         assert "late" in {result.reason for result in opened.results()}
         opened.advance(1.0)

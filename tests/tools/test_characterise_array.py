@@ -83,7 +83,7 @@ def felt_and_believed(config: Path, site: str, channel: int) -> tuple[float, flo
             glove.release(site)
             glove.advance(0.25)
         believed_k = glove.state().rise_k[site]
-        plant = glove._glove.plant("tactiles")
+        plant = glove.devices.plant("tactiles")
         assert plant is not None
         return plant.truth()["rise_k"][channel], believed_k
 

@@ -11,18 +11,19 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from haptics.errors import InputError
-from haptics.scene.hands.frame import Floats
+from haptics.units import one_of
+
+Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
 class Basis:
     """An engine's axes and unit.
 
-    :param name: what a client declares.
-    :param axes: ``M``, rows: OpenXR's x, y, z in the engine's coordinates.
+    :param name: such as ``unity``.
+    :param axes: ``M``, a signed permutation; rows: OpenXR's x, y, z in the engine's coordinates.
     :param unit_m: metres in one unit of the engine.
     """
 
@@ -36,12 +37,22 @@ class Basis:
         return bool(np.linalg.det(self.axes) > 0)
 
     def to_openxr(self, position: ArrayLike, orientation_xyzw: ArrayLike) -> tuple[Floats, Floats]:
-        """Positions (..., 3) in the engine's unit and quaternions (..., 4), to metres in OpenXR's basis."""
+        """Poses of the engine in OpenXR's basis.
+
+        :param position: (..., 3), in the engine's unit.
+        :param orientation_xyzw: (..., 4), unit quaternions.
+        :return: positions (..., 3), m, and quaternions (..., 4).
+        """
         axes = np.array(self.axes, float)
         return np.asarray(position, float) @ axes.T * self.unit_m, _turned(orientation_xyzw, axes)
 
     def from_openxr(self, position_m: ArrayLike, orientation_xyzw: ArrayLike) -> tuple[Floats, Floats]:
-        """Positions (..., 3) in metres and quaternions (..., 4) in OpenXR's basis, to the engine's basis and unit."""
+        """Poses in OpenXR's basis in that of the engine.
+
+        :param position_m: (..., 3), m.
+        :param orientation_xyzw: (..., 4), unit quaternions.
+        :return: positions (..., 3), in the engine's unit, and quaternions (..., 4).
+        """
         axes = np.array(self.axes, float)
         return np.asarray(position_m, float) @ axes / self.unit_m, _turned(orientation_xyzw, axes.T)
 
@@ -56,18 +67,20 @@ BASES = {
     basis.name: basis
     for basis in (
         Basis("openxr", ((1, 0, 0), (0, 1, 0), (0, 0, 1))),
+        Basis("webxr", ((1, 0, 0), (0, 1, 0), (0, 0, 1))),  # the same
         Basis("godot", ((1, 0, 0), (0, 1, 0), (0, 0, 1))),  # right-handed, +Y up, -Z forward, metres
         Basis("unity", ((1, 0, 0), (0, 1, 0), (0, 0, -1))),  # left-handed, +Y up, +Z forward, metres
         Basis("unreal", ((0, 1, 0), (0, 0, 1), (-1, 0, 0)), unit_m=0.01),  # left-handed, +X forward, +Z up, centimetres
     )
 }
+"""By name."""
 
 
 def basis(name: str) -> Basis:
-    """The basis an engine declares.
+    """The basis of an engine.
 
-    :raises InputError: not one of ``BASES``.
+    :param name: one of ``BASES``.
+    :return: its axes and unit.
+    :raises InputError: no such basis.
     """
-    if name not in BASES:
-        raise InputError(f"basis = {name!r} is not allowed; allowed: {', '.join(BASES)}")
-    return BASES[name]
+    return BASES[one_of("basis", name, tuple(BASES))]

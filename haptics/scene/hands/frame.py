@@ -11,13 +11,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from haptics.errors import InputError
-from haptics.scene.hands.joints import JOINT, JOINTS, NOMINAL_RADIUS_M, SIDES, joint_index
+from haptics.scene.hands.basis import Basis, Floats, basis as find_basis
+from haptics.scene.hands.joints import JOINT, JOINTS, NOMINAL_RADIUS_M, SIDES, Side, joint_index
 from haptics.scene.hands.shown import shown
-
-Floats = NDArray[np.float64]
+from haptics.units import one_of
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,6 +43,55 @@ class HandFrame:
     radius_m: Floats = field(default_factory=lambda: NOMINAL_RADIUS_M)
     display_time_ns: int | None = None
 
+    @classmethod
+    def from_joints(
+        cls,
+        time_ns: int,
+        side: Side,
+        joints: Mapping[str, tuple[ArrayLike, ArrayLike]],
+        track_id: int = 0,
+        valid: bool = True,
+        basis: str | Basis = "openxr",
+    ) -> HandFrame:
+        """A frame from named joints; the palm may be missing, as in WebXR, and is put in then (:func:`with_palm`).
+
+        Whether the numbers are a hand's is not asked here but by ``Session.submit``.
+
+        :param time_ns: when the pose was sampled, ns on the glove's clock.
+        :param side: ``left`` or ``right``.
+        :param joints: position (3,) in the basis's unit and orientation (4,) as ``(x, y, z, w)``, by name: one of ``JOINTS``, or
+            as OpenXR (``XR_HAND_JOINT_INDEX_TIP_EXT``) or WebXR (``index-finger-tip``) spell it.
+        :param track_id: another number whenever the tracker has lost the hand in between.
+        :param valid: whether the tracker vouches for the pose.
+        :param basis: whose axes and unit the numbers have: a name of ``BASES``, or one of your own.
+        :return: the frame, in metres and OpenXR's basis.
+        :raises InputError: an unknown side, joint or basis, a joint given twice, missing or null, or not of that shape.
+        """
+        one_of("side", side, SIDES)
+        axes = basis if isinstance(basis, Basis) else find_basis(basis)
+        if not isinstance(joints, Mapping):
+            raise InputError(f"joints is {shown(joints)}; expected position and orientation by the joint's name")
+        position, orientation, seen = np.zeros((26, 3)), np.zeros((26, 4)), set[int]()
+        for name, pose in joints.items():
+            index = joint_index(name)
+            if index in seen:
+                raise InputError(f"joint = {name!r} is given twice; expected each joint once")
+            if not isinstance(pose, Sequence) or len(pose) != 2:
+                raise InputError(
+                    f"joint {name!r} is {shown(pose)}; expected a position and an orientation; "
+                    "where the tracker has lost it, hand in no pose, or one with valid=False"
+                )
+            position[index] = _vector(pose[0], 3, f"the position of joint {name!r}")
+            orientation[index] = _vector(pose[1], 4, f"the orientation of joint {name!r}")
+            seen.add(index)
+        missing = [name for name in JOINTS[1:] if JOINT[name] not in seen]
+        if missing:
+            raise InputError(f"joints are missing: {', '.join(missing)}; only the palm may be")
+        position, orientation = axes.to_openxr(position, orientation)
+        if JOINT["palm"] not in seen:
+            position, orientation = with_palm(position[1:], orientation[1:])
+        return cls(time_ns, side, track_id, position, orientation, valid)
+
 
 def with_palm(position_m: ArrayLike, orientation_xyzw: ArrayLike) -> tuple[Floats, Floats]:
     """Put the palm in front of 25 joints that lack it, as WebXR's do.
@@ -65,47 +114,13 @@ def with_palm(position_m: ArrayLike, orientation_xyzw: ArrayLike) -> tuple[Float
     )
 
 
-def frame_of_joints(
-    time_ns: int, side: str, joints: Mapping[str, tuple[ArrayLike, ArrayLike]], track_id: int = 0, valid: bool = True
-) -> HandFrame:
-    """A frame from named joints, each a position (3,) in metres and an orientation (4,); the palm may be missing.
-
-    Whether the numbers are a hand's is not asked here but by ``check_frame``.
-
-    :raises InputError: an unknown side or joint, one given twice, missing or null, or not of that shape.
-    """
-    if not isinstance(side, str) or side not in SIDES:
-        raise InputError(f"side = {shown(side)} is not allowed; allowed: {', '.join(SIDES)}")
-    if not isinstance(joints, Mapping):
-        raise InputError(f"joints is {shown(joints)}; allowed: position and orientation by the joint's name")
-    position, orientation, seen = np.zeros((26, 3)), np.zeros((26, 4)), set[int]()
-    for name, pose in joints.items():
-        index = joint_index(name)
-        if index in seen:
-            raise InputError(f"joint = {name!r} is given twice; allowed: each joint once")
-        if not isinstance(pose, Sequence) or len(pose) != 2:
-            raise InputError(
-                f"joint {name!r} is {shown(pose)}; allowed: a position and an orientation; "
-                "where the tracker has lost it, hand in no pose, or one with valid=False"
-            )
-        position[index] = _vector(pose[0], 3, f"the position of joint {name!r}")
-        orientation[index] = _vector(pose[1], 4, f"the orientation of joint {name!r}")
-        seen.add(index)
-    missing = [name for name in JOINTS[1:] if JOINT[name] not in seen]
-    if missing:
-        raise InputError(f"joints are missing: {', '.join(missing)}; allowed: none but the palm")
-    if JOINT["palm"] not in seen:
-        position, orientation = with_palm(position[1:], orientation[1:])
-    return HandFrame(time_ns, side, track_id, position, orientation, valid)
-
-
 def _vector(value: ArrayLike, count: int, what: str) -> Floats:
     try:
         vector = np.asarray(value)
     except ValueError:  # lists of unequal length
         vector = np.empty(0, object)
     if vector.shape != (count,) or vector.dtype.kind not in "fiu":
-        raise InputError(f"{what} is {shown(value)}; allowed: {count} numbers (3 and 4 numbers a joint)")
+        raise InputError(f"{what} is {shown(value)}; expected {count} numbers (3 and 4 numbers a joint)")
     return vector.astype(float)
 
 
@@ -113,6 +128,9 @@ def mirrored(frame: HandFrame) -> HandFrame:
     """The other hand doing the same: reflected in the plane x = 0.
 
     ``p -> (-x, y, z)`` and ``R -> M R M`` with ``M = diag(-1, 1, 1)``, which is ``q -> (x, -y, -z, w)``.
+
+    :param frame: of either hand.
+    :return: of the other one, with the same time and track.
     """
     return replace(
         frame,

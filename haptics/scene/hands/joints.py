@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,7 +18,8 @@ JOINTS: tuple[str, ...] = (
     *(f"{finger}_{part}" for finger in FINGERS[1:] for part in ("metacarpal", "proximal", "intermediate", "distal", "tip")),
 )
 JOINT = {name: index for index, name in enumerate(JOINTS)}
-SIDES = ("left", "right")
+Side = Literal["left", "right"]
+SIDES: tuple[Side, Side] = ("left", "right")
 
 
 def _nominal_radius_m() -> NDArray[np.float64]:

@@ -14,7 +14,7 @@ from haptics.errors import InputError
 from haptics.scene.hands.basis import BASES, basis
 from haptics.scene.hands.bones import orientations, quaternions
 from haptics.scene.hands.check import check_frame
-from haptics.scene.hands.frame import HandFrame, frame_of_joints, mirrored, with_palm
+from haptics.scene.hands.frame import HandFrame, mirrored, with_palm
 from haptics.scene.hands.joints import JOINT, JOINTS, joint_index
 from haptics.scene.hands.recording import HandRecording, HandTrack
 
@@ -73,7 +73,7 @@ def test_a_missing_palm_is_the_middle_of_the_middle_metacarpal():
     joints["middle_metacarpal"] = ([0.0, 0.0, 0.0], [0.6, 0.0, 0.0, 0.8])
     joints["middle_proximal"] = ([0.02, 0.04, -0.06], [0.0, 0.0, 0.0, 1.0])
     del joints["palm"]
-    frame = frame_of_joints(5, "left", joints)
+    frame = HandFrame.from_joints(5, "left", joints)
     np.testing.assert_allclose(frame.position_m[0], [0.01, 0.02, -0.03], atol=1e-15)
     np.testing.assert_array_equal(frame.orientation_xyzw[0], [0.6, 0.0, 0.0, 0.8])
     many = with_palm(np.stack([frame.position_m[1:]] * 3), np.stack([frame.orientation_xyzw[1:]] * 3))
@@ -85,13 +85,13 @@ def test_a_missing_palm_is_the_middle_of_the_middle_metacarpal():
 def test_joints_by_name_must_be_whole():
     joints = {name: (np.zeros(3), np.array([0, 0, 0, 1.0])) for name in JOINTS}
     with pytest.raises(InputError, match="ring_tip"):
-        frame_of_joints(0, "left", {name: pose for name, pose in joints.items() if name != "ring_tip"})
+        HandFrame.from_joints(0, "left", {name: pose for name, pose in joints.items() if name != "ring_tip"})
     with pytest.raises(InputError, match="twice"):
-        frame_of_joints(0, "left", {**joints, "pinky-finger-tip": joints["little_tip"]})
+        HandFrame.from_joints(0, "left", {**joints, "pinky-finger-tip": joints["little_tip"]})
     with pytest.raises(InputError, match="3 and 4 numbers"):
-        frame_of_joints(0, "left", {**joints, "wrist": (np.zeros(4), np.zeros(4))})
+        HandFrame.from_joints(0, "left", {**joints, "wrist": (np.zeros(4), np.zeros(4))})
     with pytest.raises(InputError, match="side"):
-        frame_of_joints(0, "both", joints)
+        HandFrame.from_joints(0, "both", joints)
 
 
 def test_a_good_pose_passes():
@@ -223,7 +223,7 @@ def test_a_turned_point_stays_turned(name):
 
 
 def test_handedness_and_unknown_engines():
-    assert {name for name, its in BASES.items() if its.right_handed} == {"openxr", "godot"}
+    assert {name for name, its in BASES.items() if its.right_handed} == {"openxr", "webxr", "godot"}
     with pytest.raises(InputError, match="blender"):
         basis("blender")
 

@@ -1,0 +1,501 @@
+"""The devices of one glove: ports opened, links up, drivers ready, and off again on every exit.
+
+``Devices`` is what runs, benches and every ``haptics.Glove`` stand on. In virtual time its owner steps it (``step_to``); in real
+time its owner's loop serves links and drivers (a ``haptics.Glove`` has a thread that does).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from haptics.devices import BrakeDriver, TactilesDriver
+from haptics.devices.tactiles import TELLING_NS
+from haptics.errors import CommandRefused, InputError, LimitError
+from haptics.link.commands import Pending
+from haptics.link.connection import Link
+from haptics.link.events import NO_CHANNEL, Disarmed, Event, FaultReported, Lost, Rebooted, Telemetry
+from haptics.link.limits import Wanted, kept_stricter, stricter
+from haptics.link.messages import DURATION_UNIT_US, Board, State, Status
+from haptics.link.polling import PollingRunner
+from haptics.link.port_url import is_simulated, query_of, with_defaults
+from haptics.link.ports import check_port, open_port
+from haptics.link.readings import fault_name, fault_names
+from haptics.link.runner import VirtualRunner, connect, finish
+from haptics.link.session import LinkSession
+from haptics.link.simulated import SimulatedPort, simulated
+from haptics.scheduling import CoilLimits, ThermalBudget
+from haptics.session import heat
+from haptics.session.configuration import COUNTED_COIL_A, BrakeConfiguration, TactilesConfiguration
+from haptics.time import LATEST_NS, NS_PER_MS, NS_PER_S, MonotonicClock, VirtualClock, seconds_to_ns
+from haptics.units import a_callable, an_instance, one_of, truth, whole_number
+
+TICK_NS = NS_PER_MS
+LONGEST_STEP_S = 1e6
+_PARTS: dict[str, type] = {"tactiles": TactilesConfiguration, "brake": BrakeConfiguration}
+ARM_TIMEOUT_S = 2.0
+OFF_TIMEOUT_S = 1.0
+_ARMED = (State.ARMED, State.DRIVING)
+HANDOVER_S = 100e-6
+"""Pause between two pulses that share a coil or its share of the current: more than a clock estimate moves between them."""
+WireTap = Callable[[str, int, bool, bytes], None]
+
+
+def _checked_keys(simulate: object) -> Mapping[str, Mapping[str, object]]:
+    """Query keys for simulated boards.
+
+    :raises InputError: not by a board's name, or not keys and values.
+    """
+    an_instance("simulate", simulate, Mapping, "from a board's name to query keys and their values")
+    for name, keys in simulate.items():  # type: ignore[attr-defined]
+        one_of("simulate", name, tuple(_PARTS))
+        an_instance(f"simulate of {name}", keys, Mapping, "from query keys to values")
+    return simulate  # type: ignore[return-value]
+
+
+class Devices:
+    """The devices of one glove, served by whoever made this.
+
+    :param tactiles: configuration of the array, or None to leave it out.
+    :param brake: configuration of the brake controller, or None to leave it out.
+    :param realtime: on the machine's clock (needed for hardware) rather than in virtual time.
+    :param seed: of the simulated boards, 0 to 2**32 - 1.
+    :param simulate: query keys for the simulated boards, by name; a URL's own keys win.
+    :param wire_tap: called with port name, time (ns), direction (True: to the board) and bytes.
+    :param limit_pulses: boards are configured with the configuration's limits on pulse length and heat, too. A bench that warms
+        coils on purpose, and watches them, leaves these two as the board has them.
+    :raises InputError: a real port in virtual time.
+    :raises LinkError: a port or board that cannot be used; what was opened is closed again.
+
+    :ivar links: by board, ``tactiles`` and ``brake``.
+    :ivar faults: what went wrong since opening, in words, each once; a history, not what holds now.
+    :ivar notes: what a person should know besides: limits that a board holds tighter than configured, coils that start warm.
+    :ivar telemetry: each board's last message since it was armed.
+    :ivar tactiles: driver of the array, or None without one.
+    :ivar brakes: driver of the brake controller, or None without one.
+    :ivar times_armed: how often :meth:`arm` succeeded: whoever remembers what a device does forgets it when this changes.
+    """
+
+    def __init__(
+        self,
+        tactiles: TactilesConfiguration | None,
+        brake: BrakeConfiguration | None,
+        *,
+        realtime: bool,
+        seed: int = 1,
+        simulate: Mapping[str, Mapping[str, object]] | None = None,
+        wire_tap: WireTap | None = None,
+        limit_pulses: bool = True,
+    ):
+        seed = whole_number("seed", seed, 0, 2**32 - 1)
+        self.realtime = realtime = truth("realtime", realtime)
+        self.clock: VirtualClock | MonotonicClock = MonotonicClock() if realtime else VirtualClock()
+        self.links: dict[str, Link] = {}
+        self.faults: list[str] = []
+        self.notes: list[str] = []
+        self.telemetry: dict[str, Any] = {}
+        self._event_sinks: list[Callable[[str, Event], None]] = []
+        self._opened = False
+        self._wanted_armed = False
+        self._heat_booked = True
+        self._limit_pulses = truth("limit_pulses", limit_pulses)
+        self._permitted: set[str] = set()  # boards whose drivers may ask for energy
+        self.times_armed = 0
+        simulate = _checked_keys({} if simulate is None else simulate)
+        if wire_tap is not None:
+            a_callable("wire_tap", wire_tap, "port name, time, direction and bytes")
+        asked = {"tactiles": tactiles, "brake": brake}
+        for name, part in asked.items():  # all of them before the first is opened, which may reset a board
+            if part is not None:
+                an_instance(name, part, _PARTS[name], "a part of haptics.load_configuration's answer, or None")
+                check_port(part.port, f"{name} port")
+        if tactiles is not None and brake is not None and tactiles.port == brake.port:
+            raise InputError(f"brake port = {brake.port!r} is the tactiles port, too; expected a port for each board")
+        try:
+            for name, part in asked.items():
+                if part is not None:
+                    self.links[name] = self._open(name, part, seed, simulate.get(name, {}), wire_tap)
+            links = list(self.links.values())
+            if not realtime:  # a world that was there before has gone on without this glove
+                starts_ns = [link.simulated.truth()["time_ns"] for link in self.links.values() if link.simulated is not None]
+                self._virtual_clock.advance_to(max(starts_ns, default=0))
+            self._runner: VirtualRunner | PollingRunner = (
+                PollingRunner(links, self.clock) if realtime else VirtualRunner(links, self._virtual_clock)
+            )
+        except BaseException:
+            for link in self.links.values():
+                link.close()
+            raise
+        self._opened = True
+        self.tactiles: TactilesDriver | None = None
+        self.brakes: BrakeDriver | None = None
+        try:
+            connect(self._runner)
+            for name, part in asked.items():
+                if part is not None:
+                    self._note_limits(name, part)
+            self.tactiles = None if tactiles is None else self._tactiles_driver(tactiles)
+            self.brakes = None if brake is None else self._brake_driver(brake)
+        except BaseException:
+            self.close()
+            raise
+
+    # Opening --------------------------------------------------------------------------------------------------------
+
+    @property
+    def _virtual_clock(self) -> VirtualClock:
+        assert isinstance(self.clock, VirtualClock)
+        return self.clock
+
+    def _open(
+        self,
+        name: str,
+        part: TactilesConfiguration | BrakeConfiguration,
+        seed: int,
+        simulate: Mapping[str, object],
+        wire_tap: WireTap | None,
+    ) -> Link:
+        defaults: dict[str, object] = {"clock": "real" if self.realtime else "virtual", "seed": seed}
+        if part.port.startswith(f"sim://{name}"):
+            defaults |= simulate
+        url = with_defaults(part.port, **defaults)
+        if not self.realtime and not is_simulated(url):
+            raise InputError(
+                f"port = {part.port!r} is hardware, which runs in real time (--realtime); expected a sim://… port in virtual time"
+            )
+        port = open_port(url, part.baud)
+        if not self.realtime and query_of(url).get("clock") != "virtual":
+            port.close()
+            raise InputError(
+                f"port = {part.port!r} asks for the real clock; in virtual time (without --realtime) expected clock=virtual"
+            )
+
+        def tap(time_ns: int, direction: str, data: bytes) -> None:
+            if wire_tap is not None:
+                wire_tap(name, time_ns, direction == "out", data)
+
+        board, wanted = Board[name.upper()], self._wanted_limits(part)
+
+        def limits(identity: Any) -> tuple[int, ...]:
+            return stricter(board, wanted, identity.limits)
+
+        return Link(port, LinkSession(board, part.port, limits=limits, baud=part.baud, tap=tap))
+
+    def _wanted_limits(self, part: TactilesConfiguration | BrakeConfiguration) -> Wanted:
+        if isinstance(part, TactilesConfiguration):
+            return part.board_limits(of_pulses=self._limit_pulses)
+        return part.board_limits()
+
+    def _limits(self, name: str, part: TactilesConfiguration | BrakeConfiguration) -> tuple[int, ...]:
+        """What holds: of each limit the stricter of configuration and board."""
+        return stricter(Board[name.upper()], self._wanted_limits(part), self.links[name].identity.limits)
+
+    def _note_limits(self, name: str, part: TactilesConfiguration | BrakeConfiguration) -> None:
+        """Say where a board was built stricter than the configuration, or still keeps what another host configured."""
+        kept = kept_stricter(Board[name.upper()], self._wanted_limits(part), self.links[name].identity.limits)
+        self.notes += [f"{name}: the board holds a stricter limit: {text}" for text in kept]
+
+    def _tactiles_driver(self, part: TactilesConfiguration) -> TactilesDriver:
+        """The array, held to the stricter of configuration and board, so that no legal request is refused by the board."""
+        longest, current_ma, _, _, on_time_ms = self._limits("tactiles", part)
+        self._coils = [part.coil_heat(site) for site in part.sites]
+        limits_k = [min(part.rise_limit_k, coil.limit_k(on_time_ms / 1000)) for coil in self._coils]
+        if self._limit_pulses and min(limits_k) < part.rise_limit_k * (1 - 1e-3):
+            site = part.sites[limits_k.index(min(limits_k))]
+            self.notes.append(
+                f"tactiles: {on_time_ms} ms of on-time, the board's limit, hold {site} to {min(limits_k):.1f} K "
+                f"({part.rise_limit_k:g} K configured)"
+            )
+        budgets = [ThermalBudget(coil.parameters, limit_k) for coil, limit_k in zip(self._coils, limits_k, strict=True)]
+        limits = CoilLimits(
+            current_ma / 1000,
+            max(part.coil_current_a, COUNTED_COIL_A),
+            tuple(coil.power_w for coil in self._coils),
+            HANDOVER_S,
+        )
+        contact_s = min(part.contact_pulse_s, longest * DURATION_UNIT_US / 1e6)  # the longest may be that of another stroke
+        return TactilesDriver(self.links["tactiles"], part.sites, limits, budgets, contact_s)
+
+    def _brake_driver(self, part: BrakeConfiguration) -> BrakeDriver:
+        """The brakes, likewise."""
+        amplitude_v, _, frequency_dhz, ttl_ms, _ = self._limits("brake", part)
+        frequency_hz = min(part.frequency_hz, frequency_dhz / 10)
+        ttl_s = min(part.ttl_s, ttl_ms / 1000)
+        return BrakeDriver(self.links["brake"], part.channels, frequency_hz, ttl_s, amplitude_v, frequency_dhz / 10)
+
+    # Time -----------------------------------------------------------------------------------------------------------
+
+    def now_ns(self) -> int:
+        """The devices' clock.
+
+        :return: ns; of the machine's monotonic clock in real time, from 0 in virtual time.
+        """
+        return self.clock.now_ns()
+
+    def on_event(self, sink: Callable[[str, Event], None]) -> None:
+        """Call a function for what links report, in order, while :meth:`follow` runs.
+
+        :param sink: called with a board's name and an event of ``haptics.link.events``.
+        :raises InputError: it cannot be called.
+        """
+        a_callable("sink", sink, "a board's name and an event")
+        self._event_sinks.append(sink)
+
+    def follow(self, to_ns: int) -> None:
+        """Bring links (and in virtual time boards) to ``to_ns`` and take in what they report; drivers are not ticked.
+
+        :param to_ns: ns on this glove's clock; in real time links are served up to now, whatever it is.
+        :raises InputError: no time, or in virtual time one that has passed.
+        """
+        if type(to_ns) is not int or not 0 <= to_ns <= LATEST_NS:  # so as not to cost a tick more than that
+            to_ns = whole_number("to_ns", to_ns, 0, LATEST_NS)
+        for name, link in self.links.items():
+            if link.armed:
+                self._notice_silence(name, link)
+        if isinstance(self._runner, VirtualRunner):
+            self._runner.run_until(to_ns)
+        else:
+            self._runner.poll()
+        for name, link in self.links.items():
+            for event in link.events():
+                self._take(name, event)
+            if name in self._permitted and not self._obeys(name):
+                self._forbid(name)
+
+    def _notice_silence(self, name: str, link: Link) -> None:
+        """The host was away for longer than a board waits: that board has made itself safe, and is stopped in any case."""
+        now_ns = self.now_ns()
+        silent_ns = now_ns - link.session.last_sent_ns
+        if silent_ns <= link.identity.dead_man * NS_PER_MS:
+            return
+        silent = f"host silent for {silent_ns / NS_PER_MS:.0f} ms; board made itself safe; arm again"
+        self._fault(f"{name}: {silent}")
+        link.stop(now_ns)
+        self._forbid(name)
+        for sink in self._event_sinks:
+            sink(name, Disarmed(now_ns, silent))
+
+    def tick(self, now_ns: int) -> None:
+        """Tick the drivers.
+
+        :param now_ns: ns on this glove's clock.
+        :raises InputError: no time.
+        """
+        if type(now_ns) is not int or not 0 <= now_ns <= LATEST_NS:
+            now_ns = whole_number("now_ns", now_ns, 0, LATEST_NS)
+        if self.tactiles is not None:
+            self.tactiles.tick(now_ns)
+        if self.brakes is not None:
+            self.brakes.tick(now_ns)
+
+    def step_to(self, to_ns: int) -> None:
+        """Tick every millisecond until a time; in virtual time only.
+
+        :param to_ns: ns on this glove's clock, at most ``LONGEST_STEP_S`` from now.
+        :raises InputError: the glove runs in real time, which cannot be stepped; or no time within ``LONGEST_STEP_S`` from now.
+        """
+        if self.realtime:
+            raise InputError("time of this glove passes by itself; only one in virtual time can be stepped")
+        to_ns = whole_number("to_ns", to_ns, 0, self.now_ns() + seconds_to_ns(LONGEST_STEP_S))
+        while self.now_ns() < to_ns:
+            self.follow(min(self.now_ns() + TICK_NS, to_ns))
+            self.tick(self.now_ns())
+
+    def _take(self, name: str, event: Event) -> None:
+        if name == "tactiles" and isinstance(event, FaultReported | Rebooted | Disarmed):
+            self._heat_booked = False
+        if isinstance(event, Telemetry):
+            self.telemetry[name] = event.message
+            self._read_faults(name, event.message)
+        elif isinstance(event, FaultReported):
+            where = "" if event.channel == NO_CHANNEL else f"channel {event.channel}, "
+            self._fault(f"{name}: {fault_name(event.fault)} ({where}value {event.value})")
+        elif isinstance(event, Rebooted):
+            self._fault(f"{name}: the board rebooted; it stays disarmed until armed by hand")
+        elif isinstance(event, Disarmed):
+            if self._wanted_armed:
+                self._fault(f"{name}: disarmed by itself ({event.reason})")
+        elif isinstance(event, Lost):
+            self._fault(f"{name}: {event.error}")
+        for sink in self._event_sinks:
+            sink(name, event)
+
+    def _read_faults(self, name: str, message: Any) -> None:
+        if message.faults and self._wanted_armed:
+            self._fault(f"{name}: {', '.join(fault_names(message.faults))}")
+
+    def _fault(self, text: str) -> None:
+        if text not in self.faults:
+            self.faults.append(text)
+
+    def _forbid(self, name: str) -> None:
+        """A board is no longer armed: what was asked of it is forgotten."""
+        self._permitted.discard(name)
+        if name == "tactiles" and self.tactiles is not None:
+            self.tactiles.set_armed(False, sure_until_ns=self.now_ns() - TELLING_NS - self._shift_ns())
+        elif name == "brake" and self.brakes is not None:
+            self.brakes.set_armed(False)
+
+    def _obeys(self, name: str) -> bool:
+        """Whether a board is there and armed now, whatever happened before."""
+        link = self.links.get(name)
+        return link is not None and link.armed and link.error is None
+
+    def _wait(self, condition: Callable[[], bool], timeout_s: float) -> bool:
+        """Let time pass with drivers ticking until ``condition`` holds."""
+        end_ns = self.now_ns() + seconds_to_ns(timeout_s)
+        while not condition():
+            now_ns = self.now_ns()
+            if now_ns >= end_ns:
+                return False
+            if self.realtime:
+                self._runner.wait_for(condition, TICK_NS / NS_PER_S)
+                self.follow(self.now_ns())
+            else:
+                self.follow(now_ns + TICK_NS)
+            self.tick(self.now_ns())
+        return True
+
+    # Arming and going off -------------------------------------------------------------------------------------------
+
+    def arm(self) -> None:
+        """Arm every board, explicitly; the brake controller tests itself first. Nothing is wanted of an armed board yet.
+
+        A board that is armed already is stopped first, so that it drops what it was asked for.
+
+        :raises CommandRefused: a board would not arm; everything is off then.
+        :raises LimitError: a board did not reach its armed state, or left it while another armed.
+        """
+        self._drop_wishes()
+        try:
+            self._stop_what_is_armed()
+            self.telemetry.clear()  # what a board reported before it was armed is no news of now
+            pendings = [link.arm(self.now_ns()) for link in self.links.values()]
+            for link, pending in zip(self.links.values(), pendings, strict=True):
+                self._finish_arming(link, pending)
+            self.follow(self.now_ns())
+            for name in self.links:
+                if not self._wait(lambda name=name: self._state_of(name) in _ARMED, ARM_TIMEOUT_S):
+                    state = self._state_of(name)
+                    seen = "nothing" if state is None else State(state).name.lower()
+                    raise LimitError(f"{name}: did not reach the armed state within {ARM_TIMEOUT_S:g} s; it reports {seen}")
+            for name in self.links:
+                if not self._obeys(name):
+                    raise LimitError(f"{name}: disarmed itself while the other board armed")
+        except BaseException:
+            self.off()
+            raise
+        self._wanted_armed = True
+        self.times_armed += 1
+        self._permitted.update(self.links)
+        if self.tactiles is not None:
+            self._take_over_heat(self.tactiles)
+            self.tactiles.set_armed(True)
+        if self.brakes is not None:
+            self.brakes.set_armed(True)
+
+    def _stop_what_is_armed(self) -> None:
+        """Boards armed by this host, or still by another, are stopped; what they had been asked for is gone then."""
+        names = [name for name, link in self.links.items() if link.armed or self._state_of(name) in _ARMED]
+        for name in names:
+            self.telemetry.pop(name, None)
+            self.links[name].stop(self.now_ns())
+        rests = (State.DISARMED, State.FAULT)
+        self._wait(lambda: all(self._state_of(name) in rests for name in names), ARM_TIMEOUT_S)
+
+    def _take_over_heat(self, array: TactilesDriver) -> None:
+        note = heat.take_over(array.budgets, self._coils, self.telemetry["tactiles"].heat, self.now_ns(), self._heat_booked)
+        self._heat_booked = True
+        if note is not None and note not in self.notes:
+            self.notes.append(note)
+
+    def _finish_arming(self, link: Link, pending: Pending) -> None:
+        try:
+            finish(self._runner, pending, ARM_TIMEOUT_S, link.name)
+        except CommandRefused as error:
+            if pending.status == Status.HOT:
+                seen = f"coils are beyond what the board allows (mask {pending.detail or 0:#06x})"
+                advice = "a driver was stuck on: look at it, and let them cool for some seconds"
+                raise CommandRefused(link.name, seen, "arm", error.status, advice) from error
+            latched = ", ".join(fault_names(pending.detail or 0))
+            if pending.status != Status.INTERLOCK or not latched:
+                raise
+            advice = f"find out why, then clear it: off() of an open glove, or haptics off --port {link.name}"
+            raise CommandRefused(link.name, f"a fault is latched: {latched}", "arm", error.status, advice) from error
+
+    def _state_of(self, name: str) -> int | None:
+        message = self.telemetry.get(name)
+        return None if message is None else message.state
+
+    def off(self) -> None:
+        """Pins withdrawn, then volts to zero and bridges shorted, then disarmed. Never raises for a link that is gone.
+
+        Each board that is armed now goes off in this order, whatever happened to the other one, or to itself before.
+        """
+        try:
+            self._withdraw_pins()
+            self._drop_volts()
+        finally:  # also when the one who waits is interrupted
+            self._wanted_armed = False
+            pendings = [link.stop(self.now_ns()) for link in self.links.values() if link.error is None]
+            self._drop_wishes()
+        self._wait(lambda: all(pending.done for pending in pendings), OFF_TIMEOUT_S)
+
+    def _withdraw_pins(self) -> None:
+        if self.tactiles is None:
+            return
+        self.tactiles.end("ended")
+        if "tactiles" in self._permitted and self._obeys("tactiles"):
+            self.tactiles.withdraw_all(self.now_ns())
+            self._wait(self._pins_settled, OFF_TIMEOUT_S)
+
+    def _drop_volts(self) -> None:
+        brakes = self.brakes
+        if brakes is not None and self._obeys("brake") and brakes.engaged():
+            brakes.release_all(self.now_ns())
+            self._wait(lambda: brakes.idle, OFF_TIMEOUT_S)
+
+    def _drop_wishes(self) -> None:
+        """Whatever was asked for is forgotten, and nothing more is taken until the next arming."""
+        self._permitted.clear()
+        if self.tactiles is not None:
+            self.tactiles.set_armed(False, sure_until_ns=self.now_ns() - self._shift_ns())
+        if self.brakes is not None:
+            self.brakes.set_armed(False)
+
+    def _pins_settled(self) -> bool:
+        return self.tactiles is None or (self.tactiles.idle and self.now_ns() > self._last_pulse_ends_ns())
+
+    def _last_pulse_ends_ns(self) -> int:
+        """On the board."""
+        return 0 if self.tactiles is None else self.tactiles.busy_until_ns + self._shift_ns()
+
+    def _shift_ns(self) -> int:
+        """What was sent over a coarse line plays later than asked for, by at most this."""
+        return 2 * self.links["tactiles"].shift_ns
+
+    def clear_faults(self) -> None:
+        """Boards that are off clear what has latched, where its cause is gone; what stays, arming names.
+
+        For a person to ask for: nothing does it by itself.
+        """
+        now_ns = self.now_ns()
+        pendings = [link.send("disarm", now_ns=now_ns) for link in self.links.values() if link.ready]
+        self._wait(lambda: all(pending.done for pending in pendings), OFF_TIMEOUT_S)
+
+    def close(self) -> None:
+        """Close the ports; call :meth:`off` first."""
+        for link in self.links.values():
+            link.close()
+
+    # What a simulated glove knows besides ---------------------------------------------------------------------------
+
+    def plant(self, name: str) -> SimulatedPort | None:
+        """The simulated plant behind a board.
+
+        :param name: ``tactiles`` or ``brake``.
+        :return: the plant, or None for hardware and for a board that this glove lacks.
+        :raises InputError: a board that no glove has.
+        """
+        link = self.links.get(one_of("name", name, tuple(_PARTS)))
+        return None if link is None else simulated(link.port)
