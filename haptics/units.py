@@ -177,3 +177,42 @@ def _span(low: float, high: float, unit: str) -> str:
     if math.isinf(high):
         return f"at least {low:g}{_suffix(unit)}" if not math.isinf(low) else "any finite number"
     return f"{low:g} to {high:g}{_suffix(unit)}"
+
+
+_PREFIXES = ("p", "n", "µ", "m", "", "k", "M", "G")
+_SCALED = {"V", "A", "W", "J", "N", "F", "C", "Hz", "Pa", "Ω"}
+_SCALED_DOWN = {"s", "m"}
+"""Nobody says kiloseconds."""
+
+
+def engineering(value: float, unit: str = "", digits: int = 4) -> str:
+    """A quantity as people write it, with the prefix that leaves one to three digits before the point.
+
+    :param value: in ``unit``. :param unit: symbol; those that take no prefix (K, %, mm, kg, ...) keep their size.
+    :param digits: significant ones, at most; at least two are shown.
+    :return: such as ``1.0 kV``, ``2.547 nF``, ``20 ms``, ``0.486 K``.
+    """
+    if not math.isfinite(value):
+        return "-"
+    tier = 0
+    if value and (unit in _SCALED or unit in _SCALED_DOWN):
+        tier = math.floor(math.log10(float(f"{abs(value):.{digits - 1}e}")) / 3)
+        tier = max(-4, min(tier, 3 if unit in _SCALED else 0))
+    text = _significant(value / 1000.0**tier, digits)
+    return f"{text} {_PREFIXES[tier + 4]}{unit}" if unit else text
+
+
+def _significant(value: float, digits: int) -> str:
+    """A number without an exponent where it can do without, at least two significant digits, no idle zeros."""
+    if value == 0.0:
+        return "0"
+    if not 1e-4 <= abs(value) < 1e7:
+        mantissa, _, exponent = f"{value:.{digits - 1}e}".partition("e")
+        return f"{mantissa.rstrip('0').rstrip('.')}e{int(exponent)}"
+    before = math.floor(math.log10(abs(float(f"{value:.{digits - 1}e}")))) + 1
+    text = f"{value:.{max(digits - before, 0)}f}"
+    if "." in text:
+        text = text.rstrip("0")
+        least = len(text.partition(".")[0]) + 1 + max(2 - before, 0)
+        text = text.ljust(least, "0") if before < 2 else text.rstrip(".")
+    return text

@@ -53,12 +53,20 @@ def _silent(what: str) -> None:
 
 @dataclass(frozen=True)
 class BenchOptions:
-    """Where a rig runs.
+    """Where and how a rig runs.
 
-    ``port``: of the board; None is the configuration's. ``level``: of a simulated board's models. ``channel``: what the
-    instruments are attached to. ``instruments``: port URLs by kind; on hardware each that a rig needs has to be there.
-    ``surface``: under the pin, for the pendulum. ``record``: HDF5 file to write, None for none. ``progress``: told in words
-    what is going on.
+    :param port: URL of the board's port; None uses the configuration's.
+    :param level: level of a simulated board's models, such as ``dynamic``; None leaves the board's default.
+    :param seed: of simulated boards and instruments, 0 to 2^32 - 1.
+    :param channel: channel of the board that the instruments are attached to, from 0.
+    :param instruments: port URLs by kind (``thermocouple``, ``stage`` ...); on hardware every instrument that the rig needs must
+        be given.
+    :param surface: what the pin lands on, for the pendulum: ``bare``, ``silicone`` or ``foam``; None measures all three on a
+        simulated board.
+    :param configuration: glove configuration; its ports serve where ``port`` is None.
+    :param record: HDF5 file to write; None records nothing.
+    :param force: overwrite a recording that exists.
+    :param progress: called with a line of text at each stage of the run.
     """
 
     port: str | None = None
@@ -73,13 +81,21 @@ class BenchOptions:
     progress: Callable[[str], None] = _silent
 
     def part(self, name: str) -> BenchOptions:
-        """The same, recording under another name: ``thermal.h5`` becomes ``thermal-NAME.h5``."""
+        """The same, recording under another name: ``thermal.h5`` becomes ``thermal-NAME.h5``.
+
+        :param name: appended to the recording's name, after a hyphen.
+        :return: options for that part of the run; unchanged where nothing is recorded.
+        """
         if self.record is None:
             return self
         return replace(self, record=self.record.with_stem(f"{self.record.stem}-{name}"))
 
     def board_url(self, board: str) -> str:
-        """The board's port."""
+        """The board's port.
+
+        :param board: ``tactiles`` or ``brake``.
+        :return: URL of the board's port.
+        """
         if self.port is not None:
             return self.port
         return self.configuration.tactiles.port if board == "tactiles" else self.configuration.brake.port
@@ -88,6 +104,7 @@ class BenchOptions:
 def check_record(options: BenchOptions) -> None:
     """Look, before a board is opened, whether the recording can be written.
 
+    :param options: their ``record`` and ``force`` are checked.
     :raises InputError: it cannot; or a journal of an earlier session is in the way.
     """
     if options.record is not None:
@@ -99,11 +116,14 @@ def check_record(options: BenchOptions) -> None:
 class Bench:
     """A board and its instruments while a rig runs; use as a context manager.
 
-    :param board: ``tactiles`` or ``brake``. :param instruments: what is read, and the stage where one moves the brake's
-        hand, opened by the drivers' own classes.
+    :param board: ``tactiles`` or ``brake``.
+    :param instruments: what is read, and the stage where one moves the brake's hand, opened by the drivers' own classes.
     :param simulate: query keys for a simulated board that its URL does not name.
     :param plot: stream and signal that a viewer of the recording shows first.
-    :raises InputError: on hardware, an instrument without a port. :raises LinkError: a port or board that cannot be used.
+    :param options: where and how the rig runs.
+    :param rig: name of the rig, for the recording's header.
+    :raises InputError: on hardware, an instrument without a port.
+    :raises LinkError: a port or board that cannot be used.
     """
 
     def __init__(
@@ -123,7 +143,7 @@ class Bench:
         self.watch: Callable[[], None] | None = None
         """Called at each look at the instruments; may raise to end the run."""
         self.pulsed_ns: list[int] = []
-        """When each pulse so far was told to begin."""
+        """Commanded start of each pulse so far, ns."""
         self.recorder: LinkRecorder | None = None
         self._pending: list[tuple[str, Pending]] = []
         self._brake_refusals: list[str] = []
@@ -173,12 +193,19 @@ class Bench:
     def wait(self, seconds: float) -> None:
         """Let time pass, with links served and instruments read.
 
-        :raises LinkError: a port went away. :raises HapticsError: what the rig's ``watch`` raises.
+        :param seconds: how long, s; 0 or less returns at once.
+        :raises LinkError: a port went away.
+        :raises HapticsError: what the rig's ``watch`` raises.
         """
         self.wait_until(self.now_ns + seconds_to_ns(seconds))
 
     def wait_until(self, to_ns: int) -> None:
-        """As ``wait``, until a time of the bench's clock; at once if it has passed."""
+        """As ``wait``, until a time of the bench's clock; at once if it has passed.
+
+        :param to_ns: time on the bench's clock, ns.
+        :raises LinkError: a port went away.
+        :raises HapticsError: what the rig's ``watch`` raises.
+        """
         step_ns = STEP_NS if self.simulated else NS_PER_MS
         while (now_ns := self.now_ns) < to_ns:
             until_ns = min(now_ns + step_ns, to_ns)
@@ -209,10 +236,14 @@ class Bench:
     def pulse(self, channels: Sequence[int], at_ns: int, duration_s: float, toward_skin: bool) -> None:
         """One coil pulse on each of ``channels`` at a time of the bench's clock, which has to lie 20 ms ahead at least.
 
+        :param channels: coil channels, each 0 to 14.
+        :param at_ns: start on the bench's clock, ns, at least 20 ms ahead.
+        :param duration_s: length of the pulse, 50 us to 10 ms, in steps of 50 us.
+        :param toward_skin: polarity: True drives the pin toward the skin, False back.
         :raises InputError: a channel or duration out of range, or too little time ahead.
         """
         if at_ns < self.now_ns + PULSE_LEAD_NS:
-            raise InputError(f"at_ns = {at_ns} is {(at_ns - self.now_ns) / 1e6:g} ms ahead; allowed: at least 20 ms")
+            raise InputError(f"at_ns = {at_ns} is {(at_ns - self.now_ns) / 1e6:g} ms ahead; pulses need at least 20 ms")
         mask, durations = 0, [0] * COIL_CHANNELS
         for channel in channels:
             at = int(in_range("channel", channel, 0, COIL_CHANNELS - 1))
@@ -231,6 +262,10 @@ class Bench:
         One supply: outputs that are on together have the highest volts and frequency asked for. Volts fall by themselves when
         nobody waits.
 
+        :param channel: output, from 0.
+        :param volts: amplitude, V, 0 to the brake's limit.
+        :param frequency_hz: of the square wave, Hz.
+        :return: when the volts begin, ns on the bench's clock.
         :raises InputError: no brake board, an output without a name in the configuration, volts or frequency out of range.
         """
         brakes, name = self._brake(channel)
@@ -243,6 +278,8 @@ class Bench:
     def release(self, channel: int) -> int:
         """No volts on one output any more; returns when it is shorted.
 
+        :param channel: output, from 0.
+        :return: when the output is shorted, ns on the bench's clock.
         :raises InputError: no brake board, or an output without a name in the configuration.
         """
         brakes, name = self._brake(channel)
@@ -253,14 +290,20 @@ class Bench:
         return now_ns + COMMAND_LEAD_NS
 
     def refusals(self) -> list[str]:
-        """Commands that the board refused or did not answer, so far, in words."""
+        """Commands that the board refused or did not answer, so far, in words.
+
+        :return: one line for each command, the command's name first.
+        """
         said = [(name, one) for name, one in self._pending if one.done]
         lost = [f"{name}: {one.error}" for name, one in said if one.error is not None]
         refused = [f"{name}: {Status(one.status).name.lower()}" for name, one in said if one.error is None and one.status]
         return lost + refused + self._brake_refusals
 
     def faults(self) -> tuple[Fault, ...]:
-        """What went wrong at the board or on the way to it."""
+        """What went wrong at the board or on the way to it.
+
+        :return: board faults, and one for all refused commands together; empty if nothing went wrong.
+        """
         board = tuple(Fault("board", text) for text in self.glove.faults)
         refused = self.refusals()
         if refused:
@@ -273,7 +316,11 @@ class Bench:
     # Instruments.
 
     def samples(self, kind: str) -> Samples:
-        """What an instrument has measured so far."""
+        """What an instrument has measured so far.
+
+        :param kind: of the instrument, such as ``loadcell``.
+        :return: all samples since the bench was opened.
+        """
         return self.instruments[kind].samples()
 
     # The stage.
@@ -285,19 +332,22 @@ class Bench:
         :raises InputError: this rig has none.
         """
         if self._stage is None:
-            raise InputError("this rig has no stage; allowed: to move one that is among the rig's instruments")
+            raise InputError("this rig has no stage among its instruments")
         return self._stage
 
     def move(self, relative_m: float, speed_m_s: float) -> None:
         """Begin to move the stage; ``settle`` waits for it.
 
-        :raises InputError: no stage, or a distance or speed out of range. :raises LinkLost: its port went away.
+        :param relative_m: distance and direction, -0.1 to 0.1 m.
+        :param speed_m_s: speed, 10 um/s to 0.1 m/s.
+        :raises InputError: no stage, or a distance or speed out of range.
+        :raises LinkLost: its port went away.
         """
         self.stage.move(relative_m, speed_m_s)
         self._note("stage", "move", detail=f"{relative_m:g} m at {speed_m_s:g} m/s")
 
     def settle(self) -> None:
-        """Wait until the stage stands; one that says no more is not waited for longer than its moves should take."""
+        """Wait until the stage stands; one that reports nothing is not waited for longer than its moves should take."""
         latest_ns = self.stage.due_ns(self.now_ns)
         while not self.stage.idle and self.now_ns < latest_ns:
             self.wait(0.02)
@@ -314,7 +364,7 @@ class Bench:
         wanted = [kind.kind for kind in instruments]
         for kind in self.options.instruments:
             if kind not in wanted:
-                raise InputError(f"{kind} is not read by this rig; allowed: {', '.join(wanted) or 'none'}")
+                raise InputError(f"{kind} is not an instrument of this rig; allowed: {', '.join(wanted) or 'none'}")
         for kind, port in self.options.instruments.items():
             check_port(port, kind)
         missing = [kind for kind in wanted if kind not in self.options.instruments]
@@ -324,9 +374,11 @@ class Bench:
     def _open(self, kind: type[SampleStream] | type[Stage], shared: Mapping[str, str]) -> None:
         url = self.options.instruments.get(kind.kind, f"sim://{kind.kind}")
         if is_simulated(url) and not self.simulated:
-            raise InputError(f"{kind.kind} = {url!r} is simulated and the board is not; allowed: a port of its own")
+            raise InputError(f"{kind.kind} = {url!r} is simulated and the board is hardware; give the {kind.kind}'s own port")
         if not is_simulated(url) and self.simulated:
-            raise InputError(f"{kind.kind} = {url!r} is hardware and the board is simulated; allowed: sim:// URLs")
+            raise InputError(
+                f"{kind.kind} = {url!r} is hardware and the board is simulated; give a sim:// URL, or the board's port"
+            )
         url = with_defaults(url, clock="virtual", seed=self.options.seed, **shared)
         one = kind(url)
         if isinstance(one, Stage):
@@ -358,7 +410,7 @@ class Bench:
         self._early.clear()
 
     def _meet_instruments(self) -> None:
-        """Wait until each instrument said what it is, and printed a sample."""
+        """Wait until each instrument has identified itself and printed a sample."""
         end_ns = self.now_ns + seconds_to_ns(_ANSWER_S)
         for one in self.instruments.values():
             one.ask()
@@ -371,7 +423,7 @@ class Bench:
             self.wait(0.05)
         while self._stage is not None and not self._stage.state:
             if self.now_ns > end_ns:
-                seen = f"the stage does not say how it is: {self._stage.seen()}"
+                seen = f"the stage sends no status: {self._stage.seen()}"
                 raise InstrumentSilent(self._stage.url, seen, "open")
             self.wait(0.05)
         if self.recorder is not None:
@@ -421,7 +473,7 @@ class Bench:
     def _brake(self, channel: int) -> tuple[BrakeDriver, str]:
         brakes = self.glove.brakes
         if brakes is None:
-            raise InputError(f"board = {self.board!r} has no brakes; allowed: a rig on a brake board")
+            raise InputError(f"board = {self.board!r} has no brakes; this needs a rig on a brake board")
         return brakes, brakes.channels[int(in_range("channel", channel, 0, len(brakes.channels) - 1))]
 
     def _end_recording(self, error: BaseException | None) -> None:

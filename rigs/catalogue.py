@@ -38,6 +38,8 @@ class Rig(Protocol):
 def rig(name: str) -> Rig:
     """The rig of that name.
 
+    :param name: a key of ``RIGS``.
+    :return: the rig's package, imported on the first call.
     :raises InputError: there is none; the message lists what there is.
     """
     return cast(Rig, importlib.import_module(f"rigs.{one_of('rig', name, tuple(RIGS))}"))

@@ -24,14 +24,24 @@ from rigs.catalogue import rig
 from rigs.comparison import Row, compare
 from rigs.report import Block, Page, png_bytes, render_page
 from rigs.report.page import Table
-from rigs.result import Plot, Quantity, RigResult, series
+from rigs.result import Plot, Quantity, RigResult, readable, series
 
 MAX_DEVICES = 1000
 
 
 @dataclass(frozen=True)
 class Characterisation:
-    """What came of it. ``quantities``: of the one device, or mean and scatter of those that showed no fault."""
+    """The result of one rig on one or more devices.
+
+    :param rig: name of the rig.
+    :param port: URL of the board.
+    :param level: level of the simulated board's models; None is the board's default.
+    :param seed: of the first device.
+    :param results: one for each device.
+    :param quantities: of the only device, or mean and scatter over the devices without a fault.
+    :param rows: published numbers beside ``quantities``; empty where there are none.
+    :param files: everything that was written.
+    """
 
     rig: str
     port: str
@@ -48,7 +58,10 @@ class Characterisation:
         return all(result.sound for result in self.results)
 
     def to_json(self) -> dict[str, Any]:
-        """Plain data: each quantity and ``..._sd``, then the rest; nulls where a fault forbade a fit."""
+        """Plain data: each quantity and ``..._sd``, then the rest; nulls where a fault forbade a fit.
+
+        :return: keys as ``haptics characterize --json`` prints them; SI units.
+        """
         first = self.results[0]
         quantities = dict(self.quantities)
         data: dict[str, Any] = {"rig": self.rig, "port": self.port, "level": self.level, "seed": self.seed}
@@ -97,21 +110,24 @@ def characterize(
     out: Path | None = None,
     executor: Executor | None = None,
 ) -> Characterisation:
-    """Run a rig and write what it says.
+    """Run a rig and write its results.
 
-    :param name: of the rig. :param options: where it runs; ``record`` is set here.
+    :param name: of the rig.
+    :param options: where it runs; ``record`` is set here.
     :param devices: simulated ones, each a board of its own with seeds from ``options.seed`` on, run side by side in processes;
         the instruments of a real bench sit on one device.
     :param out: folder to write to, made if need be; None writes nothing.
     :param executor: what runs several devices; a pool of processes if None.
-    :raises InputError: no such rig, several devices on hardware, a file that exists.
+    :return: all results, with the files that were written.
+    :raises InputError: an unknown rig, several devices on hardware, or a file that exists.
     :raises HapticsError: the bench failed; whatever was recorded is in ``out``, marked incomplete.
     """
     chosen = rig(name)
     devices = int(in_range("devices", devices, 1, MAX_DEVICES))
     if devices > 1 and not is_simulated(options.board_url(chosen.BOARD)):
         raise InputError(
-            f"devices = {devices} is not allowed on hardware: the instruments sit on one; allowed: 1, then another --channel"
+            f"devices = {devices} is not allowed on hardware, where the instruments sit on one device; "
+            "for the next, move them and choose another --channel"
         )
     if out is not None:
         _make_folder(out, name, options.force)
@@ -126,7 +142,13 @@ def characterize(
 
 
 def gathered(name: str, options: BenchOptions, results: tuple[RigResult, ...]) -> Characterisation:
-    """Results of one or several devices together, beside the published numbers."""
+    """Results of one or several devices together, beside the published numbers.
+
+    :param name: of the rig.
+    :param options: what the rig ran with.
+    :param results: one for each device, at least one.
+    :return: the results together, with no files yet.
+    """
     chosen = rig(name)
     quantities = results[0].quantities if len(results) == 1 else _over_devices(results)
     rows = tuple(compare(chosen.PUBLISHED, quantities)) if quantities else ()
@@ -134,7 +156,12 @@ def gathered(name: str, options: BenchOptions, results: tuple[RigResult, ...]) -
 
 
 def run_one(name: str, options: BenchOptions) -> RigResult:
-    """One rig on one device; a function with a name, so that another process can be told to."""
+    """One rig on one device; a function with a name, so that another process can run it.
+
+    :param name: of the rig.
+    :param options: where it runs.
+    :return: its result.
+    """
     return rig(name).run(options)
 
 
@@ -143,7 +170,10 @@ def run_jobs(
 ) -> tuple[RigResult, ...]:
     """Rigs by name, each on its own bench, side by side; results in the order of the jobs.
 
-    :param executor: a pool of processes if None. :param progress: told of each job; the benches themselves say nothing.
+    :param jobs: name of a rig and its options, one for each run.
+    :param executor: a pool of processes if None.
+    :param progress: called with each job; the benches themselves report nothing.
+    :return: results in the order of ``jobs``.
     :raises HapticsError: a bench failed; jobs that have not begun are left out.
     """
     if executor is None:
@@ -166,36 +196,43 @@ def run_jobs(
 
 
 def summary_blocks(done: Characterisation) -> list[Block]:
-    """The parts of a page about one characterisation."""
+    """The parts of a page about one characterisation.
+
+    :param done: what to show.
+    :return: two blocks: results with tables, then curves.
+    """
     faults = [f"{fault.what}: {fault.why}" for result in done.results for fault in result.faults]
     tables = []
     if done.rows:
         tables.append(published_table(done.rows))
     if done.quantities:
-        head = ("quantity", "value", "standard deviation", "unit")
-        rows = [(name, one.value, one.sd, one.unit) for name, one in done.quantities.items()]
+        head = ("quantity", "value", "standard deviation")
+        rows = [(name, readable(one.value, one.unit), readable(one.sd, one.unit, 2)) for name, one in done.quantities.items()]
         what = "measured" if len(done.results) == 1 else f"mean and scatter of {len(done.results)} devices"
         tables.append(Table(what, head, rows))
     if len(done.results) == 1 and done.results[0].measured:
         rows = [
             (
                 m.measurement.meaning,
-                m.value,
-                f"{m.measurement.low:g} to {m.measurement.high:g}",
-                m.measurement.unit,
+                readable(m.value, m.measurement.unit),
+                f"{readable(m.measurement.low, m.measurement.unit)} to {readable(m.measurement.high, m.measurement.unit)}",
                 _kept(m.within),
             )
             for m in done.results[0].measured
         ]
-        tables.append(Table("limits of the set-up", ("what", "value", "allowed", "unit", "kept"), rows))
+        tables.append(Table("limits of the set-up", ("what", "value", "allowed", "kept"), rows))
     notes = list(dict.fromkeys(note for result in done.results for note in result.notes))
     plots = [*_device_plots(done), *done.results[0].plots]
     return [Block("Result", notes, faults, tables), Block("Curves", plots=plots)]
 
 
 def published_table(rows: Sequence[Row]) -> Table:
-    """Rows of a comparison as a table for the page."""
-    head = ("quantity", "section", "published", "ours", "unit", "role", "verdict", "why")
+    """Rows of a comparison as a table for the page.
+
+    :param rows: of the comparison.
+    :return: a table with a line for each row.
+    """
+    head = ("quantity", "section", "published", "ours", "role", "verdict", "why")
     return Table("against the source", head, [row.cells() for row in rows])
 
 
@@ -276,7 +313,10 @@ def _make_folder(out: Path, name: str, force: bool) -> None:
 
 
 def made_with() -> dict[str, Any]:
-    """Version, commit, interpreter and machine, for the foot of a page."""
+    """Version, commit, interpreter and machine, for the foot of a page.
+
+    :return: ``version``, ``git_commit``, ``python`` and ``machine``.
+    """
     made = provenance()
     return {key: made[key] for key in ("version", "git_commit", "python", "machine")}
 

@@ -1,4 +1,4 @@
-"""What a board's telemetry tells of a coil: the current of its pulses, the power they take, and whether the pin moves.
+"""What a board's telemetry shows of a coil: the current of its pulses, the power they take, and whether the pin moves.
 
 Telemetry comes every 20 ms and a pulse lasts 10 ms at most, so pulses are timed for telemetry to meet them, each at another
 phase; many samples then stand for the mean over a pulse.
@@ -35,8 +35,15 @@ _REST_S = 7.0e-3
 
 @dataclass(frozen=True)
 class PulseRecord:
-    """Pulses as they were played: ``start_s`` (n,); and where telemetry met one: number of the ``pulse`` (m,), ``phase_s``,
-    ``current_a``, ``volts``. Times are from ``origin_ns``.
+    """Pulses as they were played, and the telemetry that met them. Times are from ``origin_ns``.
+
+    :param start_s: start of each pulse (n,), s.
+    :param length_s: of every pulse, s.
+    :param pulse: number of the pulse that each telemetry sample met (m,).
+    :param phase_s: time of the sample since that pulse's start (m,), s.
+    :param current_a: coil current (m,), A.
+    :param volts: supply at the coil (m,), V.
+    :param origin_ns: zero of the times on the bench's clock, ns.
     """
 
     start_s: Vector
@@ -51,6 +58,10 @@ class PulseRecord:
     def of(cls, starts_ns: Sequence[int], length_s: float, seen: Sequence[tuple[int, float, float]]) -> PulseRecord:
         """From start times and ``seen``: time (ns), current (A) and volts at which telemetry saw a coil on.
 
+        :param starts_ns: start of each pulse (n,), ns, ascending.
+        :param length_s: of every pulse, s.
+        :param seen: time (ns), current (A) and supply (V) of each telemetry message that saw a coil on.
+        :return: the record; messages outside all pulses are left out.
         :raises InputError: no pulse was seen.
         """
         starts = np.array(starts_ns, dtype=np.int64)
@@ -69,7 +80,11 @@ class PulseRecord:
         return cls(start_s, length_s, pulse.astype(np.int64), phase_s, current_a, volts, origin_ns)
 
     def relative_to(self, time_ns: int) -> PulseRecord:
-        """The same with times counted from ``time_ns``."""
+        """The same with times counted from ``time_ns``.
+
+        :param time_ns: the new origin on the bench's clock, ns.
+        :return: a record with shifted times.
+        """
         shift_s = (self.origin_ns - time_ns) / 1e9
         return PulseRecord(self.start_s + shift_s, self.length_s, self.pulse, self.phase_s, self.current_a, self.volts, time_ns)
 
@@ -99,13 +114,15 @@ class PulseRecord:
 
         Fitted to all samples of an actuator that was ``rise_k`` (n,) warm at its pulses. They meet the pulses at all phases
         alike, which averages over what the pin's motion takes. What the current takes to rise (0.1 % of the energy) is left
-        out: samples on an edge tell more of the clock than of the coil.
+        out: samples on an edge depend on the clock more than on the coil.
 
+        :param rise_k: rise of the actuator at each pulse (n,), K.
+        :return: cold power (W) and its relative decrease per kelvin (1/K).
         :raises InputError: telemetry met too few pulses.
         """
         inner = self.inner
         if inner.sum() < _FEWEST:
-            raise InputError(f"telemetry met {inner.sum()} of {len(self.start_s)} pulses; allowed: at least {_FEWEST}")
+            raise InputError(f"telemetry met {inner.sum()} of {len(self.start_s)} pulses; at least {_FEWEST} are needed")
         power_w, warm_k = (self.current_a * self.volts)[inner], rise_k[self.pulse[inner]]
         cold_w = float(power_w.max())
         fit = least_squares_fit(
@@ -115,7 +132,13 @@ class PulseRecord:
 
 
 def meeting_telemetry(bench: Bench, near_ns: int, phase_s: float) -> int:
-    """A time close to ``near_ns`` for a pulse to begin, such that telemetry comes ``phase_s`` into it."""
+    """A time close to ``near_ns`` for a pulse to begin, such that telemetry comes ``phase_s`` into it.
+
+    :param bench: with telemetry so far.
+    :param near_ns: wanted start, ns.
+    :param phase_s: time from the pulse's start to the telemetry sample, s.
+    :return: start within half a telemetry period of ``near_ns``, ns; ``near_ns`` itself if no telemetry came yet.
+    """
     if not bench.telemetry:
         return near_ns
     period_ns = seconds_to_ns(TELEMETRY_S)
@@ -124,7 +147,11 @@ def meeting_telemetry(bench: Bench, near_ns: int, phase_s: float) -> int:
 
 
 def currents(bench: Bench) -> list[tuple[int, float, float]]:
-    """Time, current (A) and supply (V) of each telemetry message that saw a coil on."""
+    """Time, current (A) and supply (V) of each telemetry message that saw a coil on.
+
+    :param bench: with telemetry so far.
+    :return: time (ns), current (A) and supply (V) of each, oldest first.
+    """
     return [
         (time_ns, message.current * 1e-3, message.supply * 1e-3)
         for time_ns, message in bench.telemetry
@@ -133,6 +160,10 @@ def currents(bench: Bench) -> list[tuple[int, float, float]]:
 
 
 def tells_motion(options: BenchOptions) -> bool:
-    """Whether the coil's current shows that a pin moves: not on a board simulated at level event, where it is constant."""
+    """Whether the coil's current shows that a pin moves: not on a board simulated at level event, where it is constant.
+
+    :param options: of the rig.
+    :return: True on hardware and on every level but ``event``.
+    """
     url = options.board_url("tactiles")
     return not (is_simulated(url) and ("level=event" in url or options.level == "event"))

@@ -40,6 +40,7 @@ def characterize(
     from haptics.session.configuration import load_configuration
     from rigs.bench import BenchOptions
     from rigs.characterize import characterize as run
+    from rigs.result import readable
 
     named = {"thermocouple": thermocouple, "accelerometer": accelerometer, "loadcell": loadcell, "stage": stage, "probe": probe}
     options = BenchOptions(
@@ -63,8 +64,8 @@ def characterize(
             print(f"fault: {one.what}: {one.why}")
         print_table(
             f"{name} on {done.port}",
-            ("quantity", "value", "sd", "unit"),
-            ((key, one.value, one.sd, one.unit) for key, one in done.quantities.items()),
+            ("quantity", "value", "standard deviation"),
+            ((key, readable(one.value, one.unit), readable(one.sd, one.unit, 2)) for key, one in done.quantities.items()),
         )
         if done.rows:
             _print_rows("against the source", done.rows)
@@ -113,5 +114,5 @@ def _folder(out: Path | None, name: str) -> Path:
 
 
 def _print_rows(title: str, rows: tuple) -> None:
-    head = ("quantity", "section", "published", "ours", "unit", "role", "verdict", "why")
+    head = ("quantity", "section", "published", "ours", "role", "verdict", "why")
     print_table(title, head, (row.cells() for row in rows))

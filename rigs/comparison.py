@@ -8,16 +8,28 @@ from typing import Any, Literal
 
 from haptics.units import one_of
 from rigs.reference import contradictions_of, curve, published
-from rigs.result import Answer, Quantity
+from rigs.result import Answer, Quantity, readable
 
 Verdict = Literal["agrees", "differs", "not identifiable", "contradiction in the source"]
 
 
 @dataclass(frozen=True)
 class Row:
-    """One published number against ours. ``ours`` None: nothing here measures it. ``tolerance`` None: none was stated or assumed.
+    """One published number beside ours.
 
-    ``role`` calibration: the shipped plants were set by this number, so that agreeing proves nothing but that they were.
+    :param name: of the quantity here.
+    :param quantity: what it is, as the reference words it.
+    :param section: of the thesis.
+    :param published: value, in ``unit``.
+    :param relation: ``=``, ``about``, ``<``, ``<=``, ``>`` or ``>=``.
+    :param tolerance: of the published value, in ``unit``; None where none was stated or assumed.
+    :param ours: measured or computed value, in ``unit``; None where nothing here measures it.
+    :param uncertainty: its standard deviation, in ``unit``; None with ``ours``.
+    :param unit: SI, or as printed.
+    :param role: ``validation``, or ``calibration`` where the shipped plants were set by this number, so that agreement proves
+        nothing.
+    :param verdict: of the comparison.
+    :param why: reason for the verdict, or where ours comes from; may be empty where it agrees.
     """
 
     name: str
@@ -39,15 +51,22 @@ class Row:
         return self.role == "validation" and self.verdict == "differs"
 
     def cells(self) -> tuple[Any, ...]:
-        """As shown in a table."""
+        """As shown in a table.
+
+        :return: quantity, section, published, ours, role, verdict, why.
+        """
         relation = "" if self.relation == "=" else f"{self.relation} "
-        tolerance = f" ± {self.tolerance:.3g}" if self.tolerance else ""
-        said = "–" if self.published is None else f"{relation}{self.published:.4g}{tolerance}"
-        ours = "–" if self.ours is None else f"{self.ours:.4g} ± {self.uncertainty or 0.0:.2g}"
-        return self.quantity, self.section, said, ours, self.unit, self.role, self.verdict, self.why
+        tolerance = f" ± {readable(self.tolerance, self.unit, 3)}" if self.tolerance else ""
+        published = "–" if self.published is None else f"{relation}{readable(self.published, self.unit)}{tolerance}"
+        uncertainty = f" ± {readable(self.uncertainty, self.unit, 2)}" if self.uncertainty else ""
+        ours = f"{readable(self.ours, self.unit)}{uncertainty}"
+        return self.quantity, self.section, published, ours, self.role, self.verdict, self.why
 
     def to_json(self) -> dict[str, Any]:
-        """Plain data."""
+        """Plain data.
+
+        :return: every field by name; null for None.
+        """
         return {
             "name": self.name,
             "quantity": self.quantity,
@@ -67,6 +86,9 @@ class Row:
 def compare(wanted: Mapping[str, Answer], quantities: Mapping[str, Quantity]) -> Iterator[Row]:
     """A row for each quantity that answers a published number.
 
+    :param wanted: which published number each quantity answers, by the quantity's name.
+    :param quantities: measured ones, by name.
+    :return: rows in the order of ``wanted``; quantities that were not measured are left out.
     :raises InputError: an id that the reference does not have.
     """
     for name, answer in wanted.items():
@@ -75,8 +97,13 @@ def compare(wanted: Mapping[str, Answer], quantities: Mapping[str, Quantity]) ->
 
 
 def compared(name: str, answer: Answer, ours: Quantity, why: str = "") -> Row:
-    """Ours against one published number; ``why`` says where ours comes from.
+    """Ours against one published number; ``why`` states where ours comes from.
 
+    :param name: of the quantity.
+    :param answer: the published number it answers.
+    :param ours: value, standard deviation and unit.
+    :param why: where ours comes from.
+    :return: the row, with its verdict.
     :raises InputError: an id or a point that the reference does not have, or a contradiction that is not about it.
     """
     row = replace(not_met(name, answer, why), ours=ours.value, uncertainty=ours.sd, unit=ours.unit)
@@ -97,6 +124,10 @@ def compared(name: str, answer: Answer, ours: Quantity, why: str = "") -> Row:
 def not_met(name: str, answer: Answer, why: str) -> Row:
     """A published number that nothing here answers, and why.
 
+    :param name: of the quantity.
+    :param answer: the published number.
+    :param why: reason that nothing answers it.
+    :return: the row, ``ours`` None and verdict ``not identifiable``.
     :raises InputError: an id or a point that the reference does not have.
     """
     if answer.at is None:

@@ -1,4 +1,4 @@
-"""Least squares with known noise, priors on nuisance parameters, and what the fit says of itself."""
+"""Least squares with known noise, priors on nuisance parameters, and the fit's own uncertainty."""
 
 from __future__ import annotations
 
@@ -16,10 +16,16 @@ Vector = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Fit:
-    """Best values and covariance by name, chi squared over degrees of freedom, residuals (data less model) of the data.
+    """A least-squares fit.
 
-    Where the reduced chi squared is above 1 the covariance is already scaled up by it: noise was larger than told, or the model
-    is not all there is.
+    Where the reduced chi squared exceeds 1 the covariance is already scaled by it: the noise was larger than stated, or the model
+    is incomplete.
+
+    :param names: of the parameters (k,), in the order of ``values``.
+    :param values: best values (k,).
+    :param covariance: of the values (k, k).
+    :param reduced_chi2: chi squared of the data over its degrees of freedom.
+    :param residuals: data less model (n,), in the data's unit.
     """
 
     names: tuple[str, ...]
@@ -29,16 +35,28 @@ class Fit:
     residuals: Vector
 
     def value(self, name: str) -> float:
-        """Best value of one parameter."""
+        """Best value of one parameter.
+
+        :param name: one of ``names``.
+        :return: its best value.
+        """
         return float(self.values[self.names.index(name)])
 
     def sd(self, name: str) -> float:
-        """Its standard deviation."""
+        """Its standard deviation.
+
+        :param name: one of ``names``.
+        :return: its standard deviation.
+        """
         at = self.names.index(name)
         return math.sqrt(self.covariance[at, at])
 
     def sd_of(self, slope: Mapping[str, float]) -> float:
-        """Standard deviation of a quantity with these partial derivatives, others 0."""
+        """Standard deviation of a quantity with these partial derivatives, others 0.
+
+        :param slope: partial derivative of the quantity by each parameter's name; 0 for names left out.
+        :return: standard deviation of the quantity.
+        """
         gradient = np.array([slope.get(name, 0.0) for name in self.names])
         return math.sqrt(float(gradient @ self.covariance @ gradient))
 
@@ -53,8 +71,13 @@ def least_squares_fit(
 ) -> Fit:
     """Parameters that make ``model(parameters)`` (n,) closest to ``data`` (n,), each point weighted by its ``sd``.
 
-    :param start: names, in the order that ``model`` takes them, and where to begin. :param priors: mean and sd of what is known
-        of some beforehand; they count as data, but not in chi squared. :param bounds: where a parameter may lie.
+    :param model: from parameter values (k,) to predicted data (n,).
+    :param data: measured values (n,), finite.
+    :param sd: standard deviation of each point (n,), or one for all, > 0.
+    :param start: names, in the order that ``model`` takes them, and where to begin.
+    :param priors: mean and sd of what is known of some beforehand; they count as data, but not in chi squared.
+    :param bounds: where a parameter may lie.
+    :return: the fit, parameters in the order of ``start``.
     :raises InputError: fewer points than parameters, a name not in ``start``, data that are not finite, or no convergence.
     """
     from scipy.optimize import least_squares
@@ -97,13 +120,19 @@ def least_squares_fit(
 def noise_sd(samples: Vector) -> float:
     """Standard deviation of white noise on something slow, from successive differences: ``sqrt(mean(d^2) / 2)``.
 
+    :param samples: evenly spaced (n,), at least 10.
+    :return: standard deviation in the unit of the samples.
     :raises InputError: fewer than 10 samples.
     """
     if len(samples) < 10:
-        raise InputError(f"{len(samples)} samples do not show their noise; allowed: at least 10")
+        raise InputError(f"{len(samples)} samples do not show their noise; at least 10 are needed")
     return float(np.sqrt(np.mean(np.diff(samples) ** 2) / 2.0))
 
 
 def quadrature(parts: Sequence[float]) -> float:
-    """Independent standard deviations together."""
+    """Independent standard deviations together.
+
+    :param parts: standard deviations in one unit.
+    :return: root of the sum of squares.
+    """
     return math.sqrt(sum(part * part for part in parts))

@@ -1,7 +1,7 @@
-"""What an accelerometer tells of pins that land: when, from quiet to loud; and what pulses of current tell beside it.
+"""What an accelerometer shows of landing pins: when, from quiet to loud; and what the pulses' currents show beside it.
 
 A landing lies between the last sample that is quiet and the first that is loud. The sample's period, 0.31 ms, is the
-resolution of one landing; many landings of commands that meet the sampling at different phases tell their mean far better.
+resolution of one landing; many landings of commands that meet the sampling at different phases give their mean far better.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ REST_S = 60e-3
 """Samples this long before a command show offset and noise."""
 LOUD_SDS = 8.0
 LOOSE_G = 0.5
-"""Greatest acceleration that passes for no landing at all: a twentieth of the published recoil."""
+"""Maximum acceleration that counts as no landing at all: a twentieth of the published recoil."""
 RATE_SD = 1e-4
 """Of the host's clock, which sampling and trains are measured by, as a share (assumed: any crystal)."""
 LINK_SD_S = 0.1e-3
-"""Of a command's time on the board's clock (assumed: the link cannot tell the way there from the way back)."""
+"""Of a command's time on the board's clock (assumed: the link cannot separate the delay there from the delay back)."""
 SAMPLE_S = 1.0 / SAMPLE_RATE_HZ
 
 MEASUREMENTS = {
@@ -43,7 +43,12 @@ MEASUREMENTS = {
 
 @dataclass(frozen=True)
 class Trace:
-    """Acceleration after one command: ``after_s`` (n,) of each sample since then, ``g`` (n,) less what it reads at rest."""
+    """Acceleration after one command.
+
+    :param after_s: time of each sample since the command (n,), s.
+    :param g: acceleration less its mean at rest (n,), g.
+    :param period_s: of sampling, s.
+    """
 
     after_s: Vector
     g: Vector
@@ -52,7 +57,12 @@ class Trace:
     """Standard deviation of one sample at rest, of all traces together."""
 
     def onset(self, earliest_s: float, latest_s: float) -> int | None:
-        """Number of the first loud sample within a time after the command, or None."""
+        """Number of the first loud sample within a time after the command, or None.
+
+        :param earliest_s: start of the window, s after the command.
+        :param latest_s: end of the window, s after the command.
+        :return: index into ``g``; None if no sample is loud.
+        """
         loud = (self.after_s > earliest_s) & (self.after_s < latest_s) & (np.abs(self.g) > LOUD_SDS * self.noise_g)
         return int(np.argmax(loud)) if loud.any() else None
 
@@ -61,6 +71,11 @@ def traces(samples: Samples, commands_ns: Sequence[int], length_s: float) -> lis
     """One trace for each command, from ``REST_S`` before it to ``length_s`` after it.
 
     A command without samples around it makes an empty trace.
+
+    :param samples: of the accelerometer, g.
+    :param commands_ns: time of each command (n,), ns.
+    :param length_s: of a trace after its command, s.
+    :return: n traces with one noise in common.
     """
     column, period_s = samples.column(), float(np.median(np.diff(samples.time_s)))
     cut: list[tuple[Vector, Vector]] = []
@@ -77,7 +92,13 @@ def traces(samples: Samples, commands_ns: Sequence[int], length_s: float) -> lis
 
 
 def set_up(accelerometer: Accelerometer, noise_g: float, pulses: PulseRecord) -> dict[str, Measured]:
-    """The measurements that say whether anything else is worth to look at."""
+    """The measurements that decide whether anything else is worth evaluating.
+
+    :param accelerometer: after the run.
+    :param noise_g: standard deviation of one sample at rest, g.
+    :param pulses: of the run, with the telemetry that met them.
+    :return: by name, in the order of the list ``MEASUREMENTS``.
+    """
     counted = accelerometer.count + accelerometer.lost + len(accelerometer.faults)
     volts = float(pulses.volts.mean()) if len(pulses.volts) else 0.0
     values = {
@@ -92,7 +113,11 @@ def set_up(accelerometer: Accelerometer, noise_g: float, pulses: PulseRecord) ->
 
 
 def faults_of_set_up(measured: dict[str, Measured]) -> list[Fault]:
-    """What ``set_up`` shows to be wrong, the cause before what follows from it."""
+    """What ``set_up`` shows to be wrong, the cause before what follows from it.
+
+    :param measured: what ``set_up`` returned.
+    :return: one fault for each cause; empty for a sound set-up.
+    """
     value = {name: one.value for name, one in measured.items()}
     bad = {name for name, one in measured.items() if not one.within}
     faults: list[Fault] = []
@@ -100,16 +125,16 @@ def faults_of_set_up(measured: dict[str, Measured]) -> list[Fault]:
         faults.append(
             Fault(
                 "coil",
-                f"a pulse draws {value['current_a']:.2f} A; allowed: 2 to 5 A. Is the coil connected, and the supply at 5 V?",
+                f"a pulse draws {value['current_a']:.2f} A, expected 2 to 5 A. Is the coil connected, and the supply at 5 V?",
             )
         )
     elif "supply_v" in bad:
-        faults.append(Fault("supply", f"the coils get {value['supply_v']:.2f} V; allowed: 4.5 to 5.5 V. Check supply and cable"))
+        faults.append(Fault("supply", f"the coils get {value['supply_v']:.2f} V, expected 4.5 to 5.5 V. Check supply and cable"))
     if "sample_rate_hz" in bad:
         faults.append(
             Fault(
                 "accelerometer_rate",
-                f"samples come at {value['sample_rate_hz']:.0f} Hz; allowed: 2800 to 4000 Hz. Set it to 3200 Hz, and its line to "
+                f"samples come at {value['sample_rate_hz']:.0f} Hz, expected 2800 to 4000 Hz. Set it to 3200 Hz, and its line to "
                 "a baud rate that carries that",
             )
         )
@@ -117,8 +142,8 @@ def faults_of_set_up(measured: dict[str, Measured]) -> list[Fault]:
         faults.append(
             Fault(
                 "samples_lost",
-                f"{100 * value['lost_share']:.1f} % of the accelerometer's samples did not come; allowed: 1 %. Check cable and "
-                "baud rate",
+                f"{100 * value['lost_share']:.1f} % of the accelerometer's samples did not come, 1 % may be missing. "
+                "Check cable and baud rate",
             )
         )
     if "clipped" in bad:
@@ -129,14 +154,16 @@ def faults_of_set_up(measured: dict[str, Measured]) -> list[Fault]:
             )
         )
     if "noise_g" in bad:
-        faults.append(_loose(f"at rest it scatters by {value['noise_g']:.2g} g; allowed: 0.001 to 0.05 g"))
+        faults.append(_loose(f"at rest it scatters by {value['noise_g']:.2g} g, expected 0.001 to 0.05 g"))
     return faults
 
 
 def fault_of_silence(max_g: float, dip: float | None) -> Fault:
     """Pulses draw current, and no landing is felt: by the current's own dip, whether the pin moved.
 
-    :param max_g: felt after a command. :param dip: see ``PulseRecord.landing_dip``; None: the current does not tell.
+    :param max_g: felt after a command.
+    :param dip: see ``PulseRecord.landing_dip``; None: the current does not show it.
+    :return: stuck actuator, loose accelerometer, or either where the current does not show which.
     """
     felt = f"nothing above {max_g:.2g} g is felt after a command"
     if dip is None or np.isnan(dip):

@@ -20,6 +20,9 @@ FRAME = {"load_stiffness_n_m": 1e5, "load_damping_n_s_m": 50.0, "damping_n_s_m":
 def arm(bench: Bench, channel: int) -> tuple[Fault, ...]:
     """Arm the board; faults where its self test finds no brake on this output, or a bad one.
 
+    :param bench: not armed yet.
+    :param channel: output with the brake.
+    :return: faults; empty if the board is armed and the brake is there.
     :raises HapticsError: it would not arm for another reason.
     """
     try:
@@ -35,12 +38,21 @@ def arm(bench: Bench, channel: int) -> tuple[Fault, ...]:
 
 
 def bench_faults(bench: Bench, channel: int) -> tuple[Fault, ...]:
-    """Faults of load cell, stage, brake and board that show while the rig runs."""
+    """Faults of load cell, stage, brake and board that show while the rig runs.
+
+    :param bench: of the running rig.
+    :param channel: output with the brake.
+    :return: all that are seen now.
+    """
     return (*cell_faults(bench), *stage_faults(bench), *brake_faults(bench, channel))
 
 
 def cell_faults(bench: Bench) -> tuple[Fault, ...]:
-    """The load cell is off scale, silent, or flat."""
+    """The load cell is off scale, silent, or flat.
+
+    :param bench: of the running rig.
+    :return: at most one fault.
+    """
     cell = bench.instruments["loadcell"]
     samples = cell.samples()
     force_n = samples.column()
@@ -59,7 +71,11 @@ def cell_faults(bench: Bench) -> tuple[Fault, ...]:
 
 
 def stage_faults(bench: Bench) -> tuple[Fault, ...]:
-    """The stage refuses to move, or has not arrived."""
+    """The stage refuses to move, or has not arrived.
+
+    :param bench: of the running rig, its moves done.
+    :return: at most one fault.
+    """
     stage = bench.stage
     if stage.refusals:
         seen = ", ".join(sorted(set(stage.refusals)))
@@ -70,7 +86,12 @@ def stage_faults(bench: Bench) -> tuple[Fault, ...]:
 
 
 def brake_faults(bench: Bench, channel: int) -> tuple[Fault, ...]:
-    """There is no brake, or the board saw something."""
+    """There is no brake, or the board saw something.
+
+    :param bench: armed.
+    :param channel: output with the brake.
+    :return: faults; empty for a sound brake.
+    """
     seen_pf = [message.capacitance[channel] for _, message in bench.telemetry]
     if seen_pf and max(seen_pf) == 0:
         return (_absent(channel),)
@@ -82,7 +103,10 @@ def _absent(channel: int) -> Fault:
 
 
 def spare_the_cell(bench: Bench) -> None:
-    """Stop the stage when the load cell is beyond what it is made for; to be a bench's ``watch``."""
+    """Stop the stage when the load cell is beyond what it is made for; to be a bench's ``watch``.
+
+    :param bench: of the running rig.
+    """
     cell = bench.instruments["loadcell"]
     latest = cell.latest()
     if latest is not None and abs(latest[0]) > cell.number("full_scale_n", 1e-3, 1e6, "N") and not bench.stage.idle:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import cast
 
@@ -108,19 +108,20 @@ def glove_state(
     shared_v = max(driven.values(), default=0.0)  # outputs that are on have the bus, whatever each asked for
     held_v = {name: shared_v if driven.get(name) else v for name, v in volts.items()}
     laws = {name: brake.law(name) for name in names}
+
+    def by_law(name: str, figure: Callable[..., float]) -> float | None:
+        """A figure of the force law at the volts that hold; None where nobody knows them."""
+        v = held_v[name]
+        return None if v is None else figure(v, laws[name][1], extrapolate=True)
+
     return GloveState(
         time_ns=now_ns,
         rise_k={} if array is None else dict(zip(array.sites, array.rises_k(now_ns), strict=True)),
         headroom_k={} if array is None else dict(zip(array.sites, array.headrooms_k(now_ns), strict=True)),
         pins_out=() if array is None else tuple(s for s, out in zip(array.sites, array.pins_out(), strict=True) if out),
         volts=volts,
-        force_n={
-            name: None if v is None else laws[name][0].force_n(v, laws[name][1], extrapolate=True) for name, v in held_v.items()
-        },
-        force_sd_n={
-            name: None if v is None else laws[name][0].force_sd_n(v, laws[name][1], extrapolate=True)
-            for name, v in held_v.items()
-        },
+        force_n={name: by_law(name, law.force_n) for name, (law, _) in laws.items()},
+        force_sd_n={name: by_law(name, law.force_sd_n) for name, (law, _) in laws.items()},
         capacitance_pf={name: None if measured is None else measured.capacitance[i] for i, name in enumerate(names)},
         armed=tuple(name for name, link in devices.links.items() if link.armed),
         faults=(*devices.faults, *more_faults),

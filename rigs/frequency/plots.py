@@ -13,7 +13,12 @@ _PUBLISHED_HZ = 200.0
 
 
 def rate_plots(trains: Sequence[Delivered], name: str) -> tuple[Plot, ...]:
-    """Of the trains whose rate could be told."""
+    """Of the trains whose rate could be determined.
+
+    :param trains: as they were delivered, slowest first.
+    :param name: of the rig, the first word of each plot's name.
+    :return: delivered against commanded rate, and scatter of the landings.
+    """
     rows = [(one, rate) for one in trains if (rate := one.rate_hz) is not None]
     asked_hz = np.array([one.played.train.rate_hz for one, _ in rows])
     rate_hz, sd_hz = np.array([(rate.value, rate.sd) for _, rate in rows]).T

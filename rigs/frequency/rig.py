@@ -7,7 +7,7 @@ Wiring: the actuator on the pendulum with the accelerometer, as for the pendulum
 
 Steps: contact mode (10 ms out, 10 ms back, 15 cycles), pulse mode (3 ms out, 3 ms back), then for each rate bursts of 50 ms, or
 of 5 cycles where that is longer, of 2 ms toward the skin and 3 ms back, with 0.4 s of rest after each. At 200 Hz the two leave no
-time between pulses, and a board refuses pulses that meet, so the way back is 0.1 ms shorter. At the end one burst of 200 Hz
+time between pulses, and a board refuses pulses that meet, so the pulse back is 0.1 ms shorter. At the end one burst of 200 Hz
 through the host's scheduler, for comparison.
 
 Safe-off: the board is disarmed, and pins withdrawn, on every exit.
@@ -43,18 +43,18 @@ PUBLISHED = {"highest_rate_hz": Answer("train_rate"), "burst_length_s": Answer("
 RATES_HZ = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 150.0, 200.0)
 BURST_S = 50e-3
 _FEWEST_CYCLES = 5
-_CONTACT = Train("contact", 1.0, 10e-3, 10e-3, 0.5, 3, 5)
+CONTACT = Train("contact", 1.0, 10e-3, 10e-3, 0.5, 3, 5)
 _CONTACT_PHASES_S = (8.3e-3, 3.9e-3, 8.5e-3, 4.0e-3, 8.7e-3)
-"""Telemetry meets pulses after the pin has landed, and while it flies, in turn: the coil warms on the way."""
+"""Telemetry meets pulses after the pin has landed, and while it flies, in turn: the coil warms meanwhile."""
 _PULSE = Train("pulse", 5.0, PULSE_TOWARD_S, PULSE_BACK_S, PULSE_TOWARD_S + GAP_S, 5, 1)
 _PHASES_S = (0.40e-3, 1.28e-3, 2.66e-3, 4.04e-3)
-"""Within pulses of a train both ways, and at four parts of the accelerometer's period."""
+"""Within pulses of both directions, and at four parts of the accelerometer's period."""
 _LANDS_S = 0.5e-3
 """After the return begins, before which no landing is looked for."""
 
 MEASUREMENTS = {
     **SET_UP,
-    "max_g": Measurement("max_g", "g", LOOSE_G, 16.0, "greatest acceleration; less: the accelerometer is loose"),
+    "max_g": Measurement("max_g", "g", LOOSE_G, 16.0, "maximum acceleration; less: the accelerometer is loose"),
     "contact_landings": Measurement("contact_landings", "1", 0.9, 1.0, "landings felt for each return in contact mode"),
     "highest_rate_hz": Measurement("highest_rate_hz", "Hz", 200.0, 200.0, "highest rate that came whole (3.5.2)"),
     "ring_left": Measurement("ring_left", "1", 0.0, 0.3, "what still rings at the next landing; more: landings hide, use foam"),
@@ -67,12 +67,18 @@ MEASUREMENTS = {
 
 @dataclass(frozen=True)
 class FrequencyRun:
-    """What was recorded: trains as they were felt, the set-up, and what the host's scheduler made of a burst."""
+    """What was recorded: trains as they were felt, the set-up, and what the host's scheduler made of a burst.
+
+    :param measured: of the set-up, by name.
+    :param dip: share of the current that motion takes; None where the current does not show motion.
+    :param max_g: median over the contacts of the maximum acceleration, g.
+    :param scheduler: of a burst through the host's scheduler: cycles, landings, rate (Hz), whether it was played.
+    """
 
     contact: Delivered
     """Returns of contact mode."""
     out: Delivered
-    """Its ways out, which land on the skin side."""
+    """Its strokes out, which land on the skin side."""
     others: tuple[Delivered, ...]
     """Pulse mode, then the trains, slowest first."""
     measured: Mapping[str, Measured]
@@ -84,7 +90,11 @@ class FrequencyRun:
 
 
 def train_at(rate_hz: float) -> Train:
-    """The bursts of one rate."""
+    """The bursts of one rate.
+
+    :param rate_hz: 1 to 200 Hz.
+    :return: bursts of at least 50 ms or 5 cycles.
+    """
     back_s = min(TRAIN_BACK_S, 1.0 / rate_hz - TRAIN_TOWARD_S - 2.0 * GAP_S)
     cycles = max(_FEWEST_CYCLES, round(BURST_S * rate_hz))
     return Train(f"{rate_hz:g} Hz", rate_hz, TRAIN_TOWARD_S, back_s, TRAIN_TOWARD_S + GAP_S, cycles, 4 if rate_hz >= 10.0 else 2)
@@ -93,6 +103,8 @@ def train_at(rate_hz: float) -> Train:
 def run(options: BenchOptions) -> RigResult:
     """Run the rig on one actuator, ``options.channel``.
 
+    :param options: where it runs; ``channel`` is the actuator's.
+    :return: quantities, or faults.
     :raises HapticsError: board or accelerometer cannot be used; the board is off then.
     """
     with Bench(BOARD, INSTRUMENTS, options, rig=NAME, plot=("accelerometer", "acceleration_g")) as bench:
@@ -100,37 +112,41 @@ def run(options: BenchOptions) -> RigResult:
         bench.wait(0.5)
         bench.arm()
         options.progress("frequency: contact mode and pulse mode")
-        contact = play(bench, _CONTACT, _CONTACT_PHASES_S)
+        contact = play(bench, CONTACT, _CONTACT_PHASES_S)
         pulsed_ns = list(bench.pulsed_ns)
         others = [play(bench, _PULSE, _PHASES_S)]
         for rate_hz in RATES_HZ:
             options.progress(f"frequency: {rate_hz:g} Hz")
             others.append(play(bench, train_at(rate_hz), _PHASES_S))
         options.progress("frequency: the host's scheduler")
-        said = scheduled(bench)
+        burst = scheduled(bench)
         bench.disarm()
         if bench.glove.faults or all(one.refused == one.asked for one in (contact, *others)):
             return RigResult(NAME, faults=bench.faults())
         samples, accelerometer = bench.samples("accelerometer"), bench.instruments["accelerometer"]
         assert isinstance(accelerometer, Accelerometer)
         seen = currents(bench)
-        pulses = PulseRecord.of(pulsed_ns, _CONTACT.toward_s, seen)
-        contact_traces = traces(samples, [at_ns + seconds_to_ns(_CONTACT.back_at_s) for at_ns in contact.starts_ns], 25e-3)
+        pulses = PulseRecord.of(pulsed_ns, CONTACT.toward_s, seen)
+        contact_traces = traces(samples, [at_ns + seconds_to_ns(CONTACT.back_at_s) for at_ns in contact.starts_ns], 25e-3)
         record = FrequencyRun(
-            felt(samples, contact, _CONTACT.back_at_s + _LANDS_S, lands=0.0),
-            felt(samples, replace(contact, train=replace(_CONTACT, back_at_s=0.0)), _LANDS_S, lands=0.0),
+            felt(samples, contact, CONTACT.back_at_s + _LANDS_S, lands=0.0),
+            felt(samples, replace(contact, train=replace(CONTACT, back_at_s=0.0)), _LANDS_S, lands=0.0),
             tuple(felt(samples, one, one.train.back_at_s + _LANDS_S) for one in others),
             set_up(accelerometer, contact_traces[0].noise_g, pulses),
             pulses.landing_dip if tells_motion(options) else None,
             float(np.median([np.abs(trace.g).max() for trace in contact_traces])),
             tuple(seen),
-            felt_scheduled(samples, said),
+            felt_scheduled(samples, burst),
         )
     return evaluate(record)
 
 
 def evaluate(record: FrequencyRun) -> RigResult:
-    """Faults, or what was delivered, from what was recorded."""
+    """Faults, or what was delivered, from what was recorded.
+
+    :param record: of a whole run.
+    :return: quantities, or faults.
+    """
     values = dict(record.measured)
     faults = faults_of_set_up(values)
     values["max_g"] = Measured(MEASUREMENTS["max_g"], record.max_g)

@@ -1,4 +1,4 @@
-"""Trains of pulses on a bench: how they are played, and what the accelerometer and the board say came of them.
+"""Trains of pulses on a bench: how they are played, and what accelerometer and board report of them.
 
 A cycle is a pulse toward the skin and one back (thesis 3.4.5). Its landing on the off plate is felt: a sample that is loud
 beside noise and beside what still rings of the landing before it. A train's rate is the slope of its landings over their number,
@@ -41,13 +41,22 @@ worst of all ratios of the two periods, 9 landings a burst."""
 TIMED_ALIKE = 1.0
 """Landings of fast and slow trains are timed alike to this many times the variance of a step of sampling (assumed)."""
 SLOW_HZ = 20.0
-"""Up to here a cycle is alone: landings of slow trains tell how well one is timed."""
+"""Up to here a cycle is alone: landings of slow trains show how well one is timed."""
 _WHOLE_AT_ONCE_S = 0.5
 
 
 @dataclass(frozen=True)
 class Train:
-    """What is asked for: ``cycles`` in each of ``bursts``; pulses of ``toward_s``, and ``back_s`` from ``back_at_s`` on."""
+    """Pulse trains to play: bursts of cycles, one pulse toward the skin and one back in each cycle.
+
+    :param name: for people, such as ``200 Hz``.
+    :param rate_hz: cycles a second, Hz.
+    :param toward_s: length of the pulse toward the skin, s.
+    :param back_s: length of the pulse back, s.
+    :param back_at_s: start of the pulse back after the cycle's start, s.
+    :param cycles: in one burst.
+    :param bursts: with rests between them.
+    """
 
     name: str
     rate_hz: float
@@ -70,7 +79,13 @@ class Train:
 
 @dataclass(frozen=True)
 class Played:
-    """One train as it went: when each burst began, and what the board says of its pulses."""
+    """One train as it was played, by the board's own count.
+
+    :param train: what was commanded.
+    :param starts_ns: start of each burst on the bench's clock, ns.
+    :param refused: pulses that the board refused.
+    :param played: pulses that the board counted.
+    """
 
     train: Train
     starts_ns: tuple[int, ...]
@@ -85,11 +100,15 @@ class Played:
 
 @dataclass(frozen=True)
 class Delivered:
-    """What was felt of a train. ``late_s`` (n,): each landing after its cycle's command, nan: none. ``cycle`` (n,): its number.
+    """Landings of one train. The first of each burst is left out of spacing and scatter: it starts from rest, into quiet.
 
-    ``ring_left`` (n,): share of the landing's loudness that rang shortly before. ``spacing_s`` None: too few landings.
-    ``scatter_s2``: variance of the landings about even spacing, with ``freedom`` degrees of freedom. The first of each burst is
-    left out of these: it comes from rest and into quiet.
+    :param played: the train.
+    :param cycle: number of each cycle within its burst (n,).
+    :param late_s: landing after its cycle's command (n,), s; nan where none was felt.
+    :param ring_left: share of the landing's loudness that rang shortly before (n,).
+    :param spacing_s: mean time between landings, s; None if there are too few.
+    :param scatter_s2: variance of the landings about even spacing, s^2.
+    :param freedom: degrees of freedom of ``scatter_s2``.
     """
 
     played: Played
@@ -126,7 +145,10 @@ class Delivered:
         return float(np.nanmean(self.late_s)) - self.played.train.back_at_s
 
     def row(self) -> dict[str, float | int | str | None]:
-        """For a table."""
+        """For a table.
+
+        :return: rates in Hz, scatter in s, counts; None where there are too few landings.
+        """
         rate, train = self.rate_hz, self.played.train
         return {
             "train": train.name,
@@ -146,7 +168,10 @@ class Delivered:
 def play(bench: Bench, train: Train, phases_s: Sequence[float]) -> Played:
     """Play all bursts of a train, with rests between.
 
+    :param bench: armed.
+    :param train: to play.
     :param phases_s: telemetry is to come so long after a burst's beginning, one for each burst.
+    :return: the train with its start times and counts.
     """
     before, count = len(bench.refusals()), _counter(bench)
     starts_ns: list[int] = []
@@ -167,8 +192,11 @@ def play(bench: Bench, train: Train, phases_s: Sequence[float]) -> Played:
 def felt(samples: Samples, played: Played, earliest_s: float, lands: float = LANDS) -> Delivered:
     """The landings of a train.
 
+    :param samples: of the accelerometer, g.
+    :param played: train to look for.
     :param earliest_s: after a cycle's command, when its landing is looked for first; until one cycle later, or 20 ms.
     :param lands: loudness that makes a landing, over that of a landing at its loudest; with 0 it is timed earliest, from quiet.
+    :return: one landing or nan for each cycle.
     """
     train = played.train
     found = traces(samples, played.starts_ns, train.length_s + 50e-3)
@@ -191,7 +219,11 @@ def felt(samples: Samples, played: Played, earliest_s: float, lands: float = LAN
 def loud_samples(trace: Trace, min_g: float, low: int, high: int) -> NDArray[np.bool_]:
     """For each sample from ``low`` to ``high``: whether something new begins to ring there, or has just begun.
 
+    :param trace: after one command.
     :param min_g: what is quieter than this is none, whatever came before.
+    :param low: index of the first sample.
+    :param high: index after the last sample.
+    :return: one value for each sample (high - low,).
     """
     loudness = np.abs(trace.g)
     before_g = np.max([loudness[max(low - k, 0) : max(high - k, 0)] for k in _BEFORE], axis=0)
@@ -199,7 +231,12 @@ def loud_samples(trace: Trace, min_g: float, low: int, high: int) -> NDArray[np.
 
 
 def jitter(one: Delivered, others: Sequence[Delivered]) -> Quantity:
-    """Unevenness of a train's landings beyond that of slow ones among ``others``, where only the timing of a landing scatters."""
+    """Unevenness of a train's landings beyond that of slow ones among ``others``, where only the timing of a landing scatters.
+
+    :param one: the train to judge, with at least one degree of freedom.
+    :param others: all trains, among them one of at most 20 Hz.
+    :return: standard deviation of a landing, s.
+    """
     slow = [other for other in others if other.played.train.rate_hz <= SLOW_HZ and other.freedom > 0]
     freedom = sum(other.freedom for other in slow)
     timing_s2 = sum(other.scatter_s2 * other.freedom for other in slow) / freedom
@@ -234,12 +271,16 @@ def _with_rate(found: Delivered) -> Delivered:
 
 
 def _counter(bench: Bench) -> int:
-    """Pulses that the board says it played on the channel since power-on, modulo 65536."""
+    """Pulses that the board reports as played on the channel since power-on, modulo 65536."""
     return int(bench.telemetry[-1][1].played[bench.options.channel]) if bench.telemetry else 0
 
 
 def whole_up_to(found: Sequence[Delivered]) -> Delivered | None:
-    """The fastest train that came whole, all slower ones too; None if the slowest did not."""
+    """The fastest train that came whole, all slower ones too; None if the slowest did not.
+
+    :param found: trains in any order.
+    :return: the fastest whole train below the first that was not.
+    """
     best = None
     for one in sorted(found, key=lambda one: one.played.train.rate_hz):
         if not one.whole:

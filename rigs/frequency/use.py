@@ -31,9 +31,12 @@ _APART_S = 3e-3
 
 def burst_use(played: Played, seen: list[tuple[int, float, float]]) -> dict[str, Quantity]:
     """Energy of one burst from the current that telemetry met in it; from it mean power and rise of one burst each ``EVERY_S``,
-    and the least spacing under the default limit. ``c`` is the published one: the thermal rig measures the actuator's own.
+    and the minimum spacing under the default limit. ``c`` is the published one: the thermal rig measures the actuator's own.
 
+    :param played: bursts of one rate.
     :param seen: time (ns), current (A), volts of telemetry that saw the coil on.
+    :return: ``burst_energy_j``, ``burst_power_w``, ``burst_rise_k``, ``min_burst_interval_s``; empty if telemetry met fewer than
+        2 bursts.
     """
     train = played.train
     power_w: list[float] = []
@@ -65,7 +68,11 @@ def burst_use(played: Played, seen: list[tuple[int, float, float]]) -> dict[str,
 
 
 def scheduled(bench: Bench) -> dict[str, Any]:
-    """Ask the host's scheduler for one burst of 200 Hz; what it said, and when it began and ended."""
+    """Ask the host's scheduler for one burst of 200 Hz; its answer, and when it began.
+
+    :param bench: armed, with a tactor board.
+    :return: ``begin_ns``, ``cycles``, ``played`` and the ``reason`` of a refusal.
+    """
     tactiles = bench.glove.tactiles
     assert tactiles is not None  # a bench with a tactor board
     site = tactiles.sites[bench.options.channel]
@@ -83,9 +90,14 @@ def scheduled(bench: Bench) -> dict[str, Any]:
     }
 
 
-def felt_scheduled(samples: Samples, said: dict[str, Any]) -> dict[str, Any]:
-    """The same with the landings that were felt: how many, and their rate."""
-    (trace,) = traces(samples, [said["begin_ns"]], _SCHEDULED_S)
+def felt_scheduled(samples: Samples, burst: dict[str, Any]) -> dict[str, Any]:
+    """The same with the landings that were felt: how many, and their rate.
+
+    :param samples: of the accelerometer, g.
+    :param burst: what ``scheduled`` returned.
+    :return: the same without ``begin_ns``, with ``landings`` and ``rate_hz`` (None below 3 landings).
+    """
+    (trace,) = traces(samples, [burst["begin_ns"]], _SCHEDULED_S)
     onsets_s: list[float] = []
     start = int(np.searchsorted(trace.after_s, 0.0))
     loud = loud_samples(trace, LANDS * float(np.abs(trace.g).max()), start, len(trace.g))
@@ -95,7 +107,7 @@ def felt_scheduled(samples: Samples, said: dict[str, Any]) -> dict[str, Any]:
     rate_hz = None
     if len(onsets_s) >= 3:
         rate_hz = 1.0 / float(np.polyfit(np.arange(len(onsets_s)), onsets_s, 1)[0])
-    return {key: value for key, value in said.items() if key != "begin_ns"} | {"landings": len(onsets_s), "rate_hz": rate_hz}
+    return {key: value for key, value in burst.items() if key != "begin_ns"} | {"landings": len(onsets_s), "rate_hz": rate_hz}
 
 
 def _inside(phase_s: float, toward_s: float, back_at_s: float, back_s: float) -> bool:

@@ -31,6 +31,11 @@ WHY = (
 def write_report(rows: Sequence[MadeRow], options: TableOptions, path: Path, force: bool = False) -> Path:
     """The page as one file that holds its pictures.
 
+    :param rows: to show.
+    :param options: that they were made with.
+    :param path: of the HTML file.
+    :param force: overwrite it if it exists.
+    :return: ``path``.
     :raises InputError: it exists and ``force`` is not given; jinja2 is not installed.
     """
     refuse_existing(path, force)
@@ -41,7 +46,12 @@ def write_report(rows: Sequence[MadeRow], options: TableOptions, path: Path, for
 
 
 def page_of(rows: Sequence[MadeRow], options: TableOptions) -> Page:
-    """The page: both tables, why they differ, and each row's pictures."""
+    """The page: both tables, why they differ, and each row's pictures.
+
+    :param rows: to show.
+    :param options: that they were made with.
+    :return: the page, not yet rendered.
+    """
     sound = [row for row in rows if row.sound]
     beaten = [row for row in rows if row.beats_drawn]
     summary = (
@@ -66,7 +76,11 @@ INCREASE_HEAD = ("design", "motion", "coverage", "published", "ours", "ours, eq.
 
 
 def increase_cells(rows: Sequence[MadeRow]) -> list[tuple[str | None, ...]]:
-    """The table of energy densities, times that of the fully reinforced garment, row by row under ``INCREASE_HEAD``."""
+    """The table of energy densities, times that of the fully reinforced garment, row by row under ``INCREASE_HEAD``.
+
+    :param rows: to show.
+    :return: cells of each row; None where the row could not be made.
+    """
     cells = []
     for row in rows:
         case, published = row.case, f"{curve(INCREASE).at(row.case.label).y:.2f}"
@@ -117,7 +131,11 @@ def _differences(rows: Sequence[MadeRow]) -> Table:
 
 
 def warnings_of(rows: Sequence[MadeRow]) -> list[str]:
-    """What a reader must not overlook: faults, rows that could not be made, designs that a drawn one beats."""
+    """What a reader must not overlook: faults, rows that could not be made, designs that a drawn one beats.
+
+    :param rows: to look through.
+    :return: one line for each; empty if there is nothing to warn of.
+    """
     found = [f"{row.case.written}: {fault}" for row in rows if row.data for fault in row.data["faults"]]
     found += [f"{row.case.written}: {row.why_not}" for row in rows if row.data is None]
     found += [f"{row.case.written}: a drawn design stores more for its area" for row in rows if row.beats_drawn is False]
@@ -133,7 +151,7 @@ def _pictures(row: MadeRow) -> Block:
         f"Drawn line: {data['line'].get('place', 'none')}. Drawn X: {data['x'].get('place', 'none')}."
     ]
     pictures = [
-        Picture("Designs on the way from full coverage, on the straight body", read("sequence.png")),
+        Picture("Designs between full coverage and the last, on the straight body", read("sequence.png")),
         Picture("Energy density by step, coverage behind it", read("density.png")),
         Picture("The design and its energy at the end of the motion", read("garment.png")),
     ]

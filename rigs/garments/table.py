@@ -19,7 +19,14 @@ from haptics.units import in_range
 
 @dataclass(frozen=True)
 class Case:
-    """A row of the table. ``label`` is its name in the reference data, ``written`` the one in the source."""
+    """One row of Table 5.1.
+
+    :param label: its name in the reference data.
+    :param written: its name in the source.
+    :param garment: name of the garment.
+    :param motion: name of the motion.
+    :param coverage: share of the garment's area to reinforce (5.6.2), 0.01 to 1.
+    """
 
     label: str
     written: str
@@ -46,6 +53,10 @@ class TableOptions:
 
     :param motions: rows to make, by motion; all if empty.
     :param coverage: of all rows, instead of the published ones.
+    :param body: of the person, such as ``capsule``.
+    :param phenotype: shape parameters of the body by name; empty for the default.
+    :param level: fineness of the mesh, such as ``draft``.
+    :param solver: linear solver by name; None takes the fastest installed.
     :raises InputError: a motion that is no row, or a coverage that is not 0.01 to 1.
     """
 
@@ -60,16 +71,21 @@ class TableOptions:
         known = [case.motion for case in CASES]
         for motion in self.motions:
             if motion not in known:
-                raise InputError(f"motion = {motion!r} is no row of Table 5.1; allowed: {', '.join(known)}")
+                raise InputError(f"motion = {motion!r} is not a row of Table 5.1; allowed: {', '.join(known)}")
         if self.coverage is not None:
             in_range("coverage", self.coverage, SMALLEST_COVERAGE, 1.0)
 
     @property
     def cases(self) -> list[Case]:
+        """Rows to make, in the order of the table."""
         return [case for case in CASES if not self.motions or case.motion in self.motions]
 
     def coverage_of(self, case: Case) -> float:
-        """What a row is asked to cover."""
+        """What a row is asked to cover.
+
+        :param case: one row.
+        :return: share of the area, 0.01 to 1.
+        """
         return case.coverage if self.coverage is None else self.coverage
 
 
@@ -77,8 +93,10 @@ class TableOptions:
 class MadeRow:
     """A row made here.
 
-    :param data: what ``haptics garment design --json`` says; None where the garment has no equilibrium to begin with.
+    :param data: what ``haptics garment design --json`` prints; None where the garment has no equilibrium to begin with.
     :param why_not: the reason then.
+    :param case: the row.
+    :param folder: that holds its design.
     """
 
     case: Case
@@ -105,6 +123,11 @@ def make_rows(
 ) -> list[MadeRow]:
     """Design each row in a folder of its own within ``folder``; a row that is complete there is read, a begun one goes on.
 
+    :param options: of all rows.
+    :param folder: parent of one folder for each row.
+    :param progress: called with number and state of each step.
+    :param say: called with a line of text at each stage.
+    :return: one for each case, in order.
     :raises InputError: a body or solver that is not there, or a folder that was begun with other settings.
     """
     return [_row(case, options, folder / f"{case.garment}-{case.motion}", progress, say) for case in options.cases]
@@ -133,7 +156,7 @@ def _row(
 
 
 def _finished(job: DesignJob, folder: Path) -> dict[str, Any] | None:
-    """What an earlier run said of the same job, if that is complete and its files are there."""
+    """What an earlier run reported of the same job, if that is complete and its files are there."""
     path = folder / "design.json"
     if not path.is_file():
         return None

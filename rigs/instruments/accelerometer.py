@@ -1,4 +1,4 @@
-"""An accelerometer that prints counts: an ADXL345, say, on any microcontroller, one axis along the pin."""
+"""An accelerometer that prints counts, such as an ADXL345 on any microcontroller, one axis along the pin."""
 
 from __future__ import annotations
 
@@ -10,14 +10,18 @@ from rigs.instruments.stream import Samples, SampleStream
 GAIN_SD = 0.01
 """Standard deviation of reading over truth (ADXL345 data sheet: typical deviation from ideal sensitivity)."""
 BANDWIDTH_SD = 0.05
-"""Standard deviation of the low-pass about what the header says, as a share (assumed)."""
+"""Standard deviation of the low-pass about what the header states, as a share (assumed)."""
 DELAY_S, DELAY_SD_S = 0.3e-3, 0.05e-3
 """From a sample's moment to the first bit of its line (assumed: the sensor's own delay, and a microcontroller that waits)."""
 _LINE_BYTES = 9.5
 
 
 class Accelerometer(SampleStream):
-    """Acceleration in standard gravity. Its header has ``rate_hz, range_g, g_per_count, bandwidth_hz``."""
+    """Acceleration in standard gravity. Its header has ``rate_hz, range_g, g_per_count, bandwidth_hz``.
+
+    :param url: a serial port or ``sim://accelerometer``.
+    :param baud: of the line.
+    """
 
     kind = "accelerometer"
     columns = (("acceleration_g", "g"),)
@@ -34,7 +38,10 @@ class Accelerometer(SampleStream):
         return (count * float(self.header["g_per_count"]),)
 
     def samples(self) -> Samples:
-        """All samples so far, each at the moment that it was taken: the line's own time and ``DELAY_S`` are allowed for."""
+        """All samples so far, each at the moment that it was taken: the line's own time and ``DELAY_S`` are allowed for.
+
+        :return: acceleration in g, times corrected by delay and line.
+        """
         as_arrived = super().samples()
         return Samples(as_arrived.start_ns - seconds_to_ns(self._late_s), as_arrived.time_s, as_arrived.values)
 
@@ -42,7 +49,7 @@ class Accelerometer(SampleStream):
         """Slope of the straight line that lies below all arrivals and closest to them.
 
         Polling and sampling go in and out of step for seconds, and a least-squares line follows that by 1e-5: 0.2 ms in the 20 s
-        of a run, where a landing has to be told to less. The earliest arrivals do not.
+        of a run, where a landing must be known better. The earliest arrivals do not.
         """
         if super()._measured_period_s() is None:
             return None
@@ -67,7 +74,10 @@ class Accelerometer(SampleStream):
         return self.number("range_g", 0.1, 1e3, "g")
 
     def clipped(self) -> int:
-        """Samples at the end of the range."""
+        """Samples at the end of the range.
+
+        :return: count of samples.
+        """
         step_g = self.number("g_per_count", 1e-9, 1.0, "g")
         return int(np.count_nonzero(np.abs(super().samples().column()) >= self.range_g - 1.5 * step_g))
 

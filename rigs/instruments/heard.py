@@ -19,18 +19,29 @@ class Heard:
         self._strange: deque[str] = deque(maxlen=_LINES)
 
     def take(self, data: bytes) -> None:
-        """Bytes came."""
+        """Bytes came.
+
+        :param data: as read from the port.
+        """
         self.bytes_in += len(data)
         if len(self._first) < _QUOTED:
             self._first = (self._first + data)[:_QUOTED]
 
     def strange(self, line: str) -> None:
-        """A whole line came that is nothing known."""
+        """A whole line came that is nothing known.
+
+        :param line: without its end.
+        """
         if line and line not in self._strange:
             self._strange.append(line)
 
     def in_words(self, expected: str, answered: bool = False) -> str:
-        """What was seen instead of ``expected``, and what that suggests; ``answered``: it did say what it is."""
+        """What was seen instead of ``expected``, and what that suggests; ``answered``: it did say what it is.
+
+        :param expected: what a line should look like, for the message.
+        :param answered: the instrument did identify itself.
+        :return: one sentence for an error message.
+        """
         if self._strange:
             quoted = ", ".join(repr(line[:_QUOTED]) for line in self._strange)
             comma = any(_DECIMAL_COMMA.search(line) for line in self._strange)
@@ -39,5 +50,5 @@ class Heard:
         if answered:
             return f"nothing else came; expected {expected}"
         if self.bytes_in:
-            return f"{self.bytes_in} bytes came, but no line, beginning with {self._first!r}; is this its baud rate?"
+            return f"{self.bytes_in} bytes came without an end of line, beginning with {self._first!r}; is this its baud rate?"
         return "not one byte came; is it on, on this port, and at this baud rate?"

@@ -1,4 +1,4 @@
-"""A load cell behind a converter that prints raw counts: the pull tester's 50 N cell, or a DYLY-108 with an HX711, say."""
+"""A load cell behind a converter that prints raw counts: such as the pull tester's 50 N cell, or a DYLY-108 with an HX711."""
 
 from __future__ import annotations
 

@@ -15,13 +15,16 @@ SHUNT_SD = 0.005
 CLOCK_SD = 1e-4
 """Of its seconds over true ones, once the host has seen it print for a few (assumed)."""
 LOAD_SD = 0.01
-"""Of the divider's resistance over what the header says (assumed)."""
+"""Of the divider's resistance over what the header states (assumed)."""
 
 
 class Probe(SampleStream):
     """Volts of one output, signed, and current of the supply.
 
     ``volts_per_count``, ``amps_per_count`` and ``full_scale`` (counts) come from the header; lines before it are not read.
+
+    :param url: a serial port or ``sim://probe``.
+    :param baud: of the line.
     """
 
     kind = "probe"
@@ -37,7 +40,7 @@ class Probe(SampleStream):
     def convert(self, words: list[str]) -> tuple[float, ...]:
         if self._scale is None:
             if "full_scale" not in self.header:
-                raise ValueError("counts before anybody said what they are worth")
+                raise ValueError("counts before the header that states what a count is worth")
             self._scale = (
                 self.number("volts_per_count", 1e-6, 1e4, "V"),
                 self.number("amps_per_count", 1e-12, 1.0, "A"),

@@ -1,7 +1,7 @@
 """A motion stage that speaks GRBL 1.1, as hobby and bench stages do: jogs, status, cancel.
 
 On the wire are millimetres and millimetres a minute; here metres and metres a second. GRBL counts the steps it gives its motor:
-the position it tells is where the stage should be, and a stage that is jammed or uncoupled does not show.
+the position it reports is where the stage should be, and a stage that is jammed or uncoupled does not show.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from haptics.units import in_range
 from rigs.instruments.heard import Heard
 
 POSITION_GAIN_SD = 1e-3
-"""Standard deviation of way gone over way asked for, as a share: pitch of the screw (assumed)."""
+"""Standard deviation of actual over commanded travel, as a share: pitch of the screw (assumed)."""
 DELAY_S, DELAY_SD_S = 5e-3, 5e-3
 """From when a move is sent until the stage is under way: line, planner, speeding up to 1 mm/s (assumed)."""
 FARTHEST_M = 0.1
@@ -33,8 +33,8 @@ class Stage:
     :param url: a serial port or ``sim://stage``. :param baud: GRBL's is 115200.
     :raises InputError, LinkError: the port will not open.
 
-    ``state`` is the last it said (``Idle``, ``Jog``, ``Alarm`` ...; empty: nothing yet), ``position_m`` likewise, ``refusals``
-    what it would not do.
+    ``state`` is the last it reported (``Idle``, ``Jog``, ``Alarm`` ...; empty: nothing yet), ``position_m`` likewise,
+    ``refusals`` what it would not do.
     """
 
     kind = "stage"
@@ -56,7 +56,9 @@ class Stage:
     def move(self, relative_m: float, speed_m_s: float) -> None:
         """Begin to go by ``relative_m`` at ``speed_m_s``, behind moves that are not done yet.
 
-        :raises InputError: more than 0.1 m either way, or a speed outside 10 um/s to 0.1 m/s.
+        :param relative_m: distance and direction, -0.1 to 0.1 m.
+        :param speed_m_s: 10 um/s to 0.1 m/s.
+        :raises InputError: more than 0.1 m in either direction, or a speed outside 10 um/s to 0.1 m/s.
         :raises LinkLost: the port went away.
         """
         in_range("relative_m", relative_m, -FARTHEST_M, FARTHEST_M, "m")
@@ -75,16 +77,21 @@ class Stage:
 
     @property
     def idle(self) -> bool:
-        """It stands, as far as it said since the last move was asked for."""
+        """It stands, by its own report since the last move was commanded."""
         return self._fresh and self._unanswered == 0 and self.state != "Jog"
 
     def due_ns(self, now_ns: int) -> int:
-        """When moves asked for until now must be done."""
+        """When moves asked for until now must be done.
+
+        :param now_ns: on the bench's clock, ns.
+        :return: latest time at which a sound stage has finished, ns.
+        """
         return now_ns + seconds_to_ns(1.2 * self._taking_s + 2.0)
 
     def poll(self, now_ns: int) -> None:
         """Take in what came, and ask how it is when it is time to.
 
+        :param now_ns: on the bench's clock, ns.
         :raises LinkLost: the port went away.
         """
         with PortErrors(self.url, "read"):
@@ -100,7 +107,10 @@ class Stage:
             self._write(b"?")
 
     def seen(self) -> str:
-        """What came instead of a status, in words."""
+        """What came instead of a status, in words.
+
+        :return: one sentence for an error message.
+        """
         return self._heard.in_words("GRBL's '<Idle|MPos:0.000,0.000,0.000|FS:0,0>'")
 
     def close(self) -> None:
@@ -117,7 +127,7 @@ class Stage:
             self.state, self.position_m = seen[1], 1e-3 * float(seen[2])
             self._fresh = self._unanswered == 0
         elif line.startswith("#"):
-            raise InputError(f"port = {self.url!r} is a {(line[1:].split() or ['?'])[0]}; wanted here: a stage")
+            raise InputError(f"port = {self.url!r} is a {(line[1:].split() or ['?'])[0]}; expected a stage")
         else:
             self._heard.strange(line)
 

@@ -29,18 +29,31 @@ class InstrumentSilent(LinkError):
 
 @dataclass(frozen=True)
 class Samples:
-    """Samples of one instrument: ``time_s`` (n,) from the first on the host's clock at ``start_ns``, ``values`` (n, columns)."""
+    """Samples of one instrument.
+
+    :param start_ns: time of the first sample on the host's clock, ns.
+    :param time_s: of each sample since the first (n,), s.
+    :param values: one column for each quantity that the instrument measures (n, columns), in the units of its ``columns``.
+    """
 
     start_ns: int
     time_s: NDArray[np.float64]
     values: NDArray[np.float64]
 
     def column(self, index: int = 0) -> NDArray[np.float64]:
-        """One quantity over the samples (n,)."""
+        """One quantity over the samples (n,).
+
+        :param index: of the quantity, from 0.
+        :return: its values (n,).
+        """
         return self.values[:, index]
 
     def since(self, time_ns: int) -> NDArray[np.float64]:
-        """Times of the samples (n,) in seconds after ``time_ns`` of the host's clock."""
+        """Times of the samples (n,) in seconds after ``time_ns`` of the host's clock.
+
+        :param time_ns: on the host's clock, ns.
+        :return: s, negative for samples before.
+        """
         return self.time_s + (self.start_ns - time_ns) / 1e9
 
 
@@ -50,8 +63,8 @@ class SampleStream:
     :param url: a serial port or ``sim://`` URL. :param baud: of the line.
     :raises InputError, LinkError: the port will not open.
 
-    ``header`` is what the instrument says of itself; ``faults`` words it printed in place of values, with the sample's number;
-    ``bad_lines`` counts lines that were neither.
+    ``header`` holds what the instrument reports of itself; ``faults`` words it printed in place of values, with the sample's
+    number; ``bad_lines`` counts lines that were neither.
     """
 
     kind = "instrument"
@@ -76,6 +89,8 @@ class SampleStream:
     def convert(self, words: list[str]) -> tuple[float, ...]:
         """The values of one line, in the units of ``columns``.
 
+        :param words: of the line, without its count.
+        :return: one value for each column.
         :raises ValueError: not finite numbers.
         """
         values = tuple(float(word) for word in words)
@@ -93,6 +108,8 @@ class SampleStream:
     def poll(self, now_ns: int) -> int:
         """Take in what has come; returns how many samples.
 
+        :param now_ns: on the host's clock, ns.
+        :return: count of new samples.
         :raises LinkLost: the port went away.
         """
         with PortErrors(self.url, "read"):
@@ -110,12 +127,18 @@ class SampleStream:
         return len(self._index) - before
 
     def fresh(self) -> list[tuple[int, tuple[float, ...]]]:
-        """Number and values of the samples since the last call."""
+        """Number and values of the samples since the last call.
+
+        :return: count on the line and values of each, oldest first.
+        """
         start, self._given = self._given, len(self._index)
         return list(zip(self._index[start:], self._values[start:], strict=True))
 
     def latest(self) -> tuple[float, ...] | None:
-        """Values of the last sample."""
+        """Values of the last sample.
+
+        :return: values in the units of ``columns``; None before the first sample.
+        """
         return self._values[-1] if self._values else None
 
     @property
@@ -130,16 +153,17 @@ class SampleStream:
 
     @property
     def rate_hz(self) -> float:
-        """Samples a second: as they arrived, once that can be told, until then as the header says.
+        """Samples a second: as they arrived, once enough have come, until then as the header states.
 
-        :raises InputError: nothing to tell it from.
+        :raises InputError: neither enough samples nor a header.
         """
         period_s = self._measured_period_s()
-        return self._told_rate_hz() if period_s is None else 1.0 / period_s
+        return self._stated_rate_hz() if period_s is None else 1.0 / period_s
 
     def samples(self) -> Samples:
         """All samples so far.
 
+        :return: times spread evenly by the instrument's own count.
         :raises InstrumentSilent: there are none.
         """
         if not self._index:
@@ -152,11 +176,14 @@ class SampleStream:
         return Samples(start_ns, (number - number[0]) * period_s, np.array(self._values, dtype=float))
 
     def seen(self) -> str:
-        """What came instead of a sample or a header, in words."""
+        """What came instead of a sample or a header, in words.
+
+        :return: one sentence for an error message.
+        """
         if self._index and not self.header:
             return f"it prints samples, but does not answer '?' with '# {self.kind} rate_hz=...'"
         if self.header and not self._index:
-            return f"it says what it is, but no sample: {self._heard.in_words(self._expected, answered=True)}"
+            return f"it identifies itself, but prints no sample: {self._heard.in_words(self._expected, answered=True)}"
         return self._heard.in_words(self._expected)
 
     @property
@@ -167,11 +194,16 @@ class SampleStream:
     def number(self, key: str, low: float, high: float, unit: str = "") -> float:
         """A number of the header.
 
-        :raises InputError: the instrument did not say it, or says something out of range.
+        :param key: in the header.
+        :param low: minimum that makes sense, in ``unit``.
+        :param high: maximum that makes sense, in ``unit``.
+        :param unit: for the message.
+        :return: the number, in ``unit``.
+        :raises InputError: the header does not hold it, or holds a number out of range.
         """
         if key not in self.header:
-            said = ", ".join(self.header) or "nothing"
-            raise InputError(f"{self.url}: the {self.kind} does not say its {key}; it says {said}")
+            found = ", ".join(self.header) or "nothing"
+            raise InputError(f"{self.url}: the {self.kind}'s header has no {key}; it has {found}")
         return in_range(f"{self.kind} {key}", self.header[key], low, high, unit)  # type: ignore[arg-type]
 
     def close(self) -> None:
@@ -184,7 +216,7 @@ class SampleStream:
             if kind == self.kind:
                 self.header = dict(pair.split("=", 1) for pair in pairs if "=" in pair)
             elif kind:
-                raise InputError(f"port = {self.url!r} is a {kind} (it says {line[:60]!r}); wanted here: a {self.kind}")
+                raise InputError(f"port = {self.url!r} is a {kind} (it prints {line[:60]!r}); expected a {self.kind}")
             return
         count, *words = line.split()[:8] or [""]
         if not count.isdigit() or not words:
@@ -206,7 +238,7 @@ class SampleStream:
         self._index.append(index)
         self._values.append(values)
 
-    def _told_rate_hz(self) -> float:
+    def _stated_rate_hz(self) -> float:
         return self.number("rate_hz", 1e-3, 1e6, "Hz")
 
     def _measured_period_s(self) -> float | None:

@@ -1,4 +1,4 @@
-"""A thermocouple behind a converter that prints degrees Celsius: K-type and MAX31856, say, on any microcontroller."""
+"""A thermocouple behind a converter that prints degrees Celsius: such as K-type and MAX31856 on any microcontroller."""
 
 from __future__ import annotations
 

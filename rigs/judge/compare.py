@@ -13,7 +13,11 @@ __all__ = ["Judgement", "all_cases", "judge"]
 
 
 def all_cases(quick: bool = False) -> list[BrakeCase | CoilCase | HeatCase]:
-    """The declared cases; ``quick``: a few of each kind."""
+    """The declared cases; ``quick``: a few of each kind.
+
+    :param quick: only a few of each kind.
+    :return: brake, coil and heat cases.
+    """
     cases: list[BrakeCase | CoilCase | HeatCase] = [*brake_cases(), *coil_cases(), *heat_cases()]
     return [case for case in cases if case.quick] if quick else cases
 
@@ -21,7 +25,9 @@ def all_cases(quick: bool = False) -> list[BrakeCase | CoilCase | HeatCase]:
 def judge(quick: bool = False, progress: Callable[[str], None] | None = None) -> list[Judgement]:
     """Every model against ngspice over the declared cases, a row for each quantity.
 
-    :param progress: told each case's name before it runs.
+    :param quick: only a few cases of each kind.
+    :param progress: called with each case's name before it runs.
+    :return: one judgement for each quantity of each case.
     :raises HapticsError: ngspice is not installed, or gives up on a circuit.
     """
     rows: list[Judgement] = []

@@ -24,18 +24,21 @@ LONGEST_RUN_S = 120.0
 def ngspice_version() -> str:
     """The version of the ngspice that is installed, such as ``39``.
 
-    :raises HapticsError: there is none, or it does not say.
+    :return: as ngspice prints it.
+    :raises HapticsError: it is not installed, or does not report one.
     """
-    said = subprocess.run([_program(), "--version"], capture_output=True, text=True, timeout=LONGEST_RUN_S).stdout
-    found = re.search(r"ngspice-(\S+)", said)
+    printed = subprocess.run([_program(), "--version"], capture_output=True, text=True, timeout=LONGEST_RUN_S).stdout
+    found = re.search(r"ngspice-(\S+)", printed)
     if not found:
-        raise HapticsError(f"ngspice --version says {said[:80]!r}; expected: a line with ngspice-NUMBER")
+        raise HapticsError(f"ngspice --version prints {printed[:80]!r}; expected: a line with ngspice-NUMBER")
     return found[1]
 
 
 def simulate(netlist: str) -> Saved:
     """Run ``netlist`` in batch mode in a folder that is gone afterwards, and read what its ``.save`` lines ask for.
 
+    :param netlist: text, ASCII.
+    :return: saved curves by name.
     :raises HapticsError: ngspice is not installed, refuses the netlist, gives up on the way, or saves nothing; the message has
         the first error of its log.
     """
@@ -60,6 +63,8 @@ def simulate(netlist: str) -> Saved:
 def read_raw(text: str) -> Saved:
     """What an ASCII raw file of ngspice holds.
 
+    :param text: of the file.
+    :return: saved curves by name in small letters, each (points,).
     :raises HapticsError: it is not one, or broken off.
     """
     head, _, body = text.partition("Values:\n")
@@ -81,7 +86,7 @@ def _program() -> str:
 
 
 def _first_error(log: str) -> str:
-    """The first line of a log that tells of a failure, with the line after it, which says of what."""
+    """The first line of a log that reports a failure, with the line after it, which names the cause."""
     lines = [line.strip() for line in log.splitlines()]
     for at, line in enumerate(lines):
         if re.search(r"\berror\b|timestep too small|simulation\(s\) aborted", line, re.IGNORECASE):

@@ -10,7 +10,7 @@ RELATIVE_TOLERANCE = 1e-7
 """The simulator's. Times the full charge it is also what each step may lose by truncation: a tolerance that went with the present
 charge would shrink to nothing where the wave crosses zero, and the step with it."""
 EDGE_SHARE = 2e-4
-"""Length of an edge over the longest step: four times what the simulator still tells apart as two instants."""
+"""Length of an edge over the longest step: four times what the simulator still resolves as two instants."""
 
 Steps = Sequence[tuple[float, float]]
 """A staircase: ``(from when, value)``, the first at 0 s."""
@@ -18,7 +18,11 @@ Steps = Sequence[tuple[float, float]]
 
 @dataclass(frozen=True)
 class Transient:
-    """A run of ``end_s`` from given starting values, no step longer than ``longest_s``."""
+    """A run of ``end_s`` from given starting values, no step longer than ``longest_s``.
+
+    :param end_s: end of the run, s.
+    :param longest_s: maximum step, s.
+    """
 
     end_s: float
     longest_s: float
@@ -29,14 +33,23 @@ class Transient:
         return EDGE_SHARE * self.longest_s
 
     def source(self, steps: Steps) -> str:
-        """A staircase as a piecewise linear source."""
+        """A staircase as a piecewise linear source.
+
+        :param steps: from when (s) and value.
+        :return: the source's specification in a netlist.
+        """
         points = [f"0 {steps[0][1]!r}"]
         for (_, before), (at_s, after) in pairwise(steps):
             points.append(f"{at_s - 0.5 * self.edge_s!r} {before!r} {at_s + 0.5 * self.edge_s!r} {after!r}")
         return f"PWL({' '.join(points)})"
 
     def lines(self, full_charge: float, min_current_a: float) -> list[str]:
-        """Options and analysis. ``full_charge``: greatest charge (or flux) stored, the scale of each step's truncation."""
+        """Options and analysis. They end the netlist.
+
+        :param full_charge: maximum charge (C) or flux (V s) stored: the scale of each step's truncation.
+        :param min_current_a: absolute tolerance of currents, A.
+        :return: the last lines of a netlist.
+        """
         return [
             f".options reltol={RELATIVE_TOLERANCE} abstol={min_current_a:.3g} vntol=1e-6 chgtol={full_charge:.6g}",
             ".options gmin=1e-15 trtol=1 method=trap",

@@ -8,12 +8,12 @@ Thesis 3.5.1 averages the magnitude of 20 aligned landings and fits one exponent
 (``thesis_method``), but its points have no uncertainty that follows from the noise, and its first point is the luck of where
 sampling met the ring. Instead each landing is fitted by itself, its carrier with it, and the scatter of the landings gives the
 uncertainty: what the ring has beside one frequency differs from landing to landing and averages out, and what is left of it
-is in the scatter. The weights say that the model holds to ``IMPURITY`` of the envelope at each point, so that a loud sample
+is in the scatter. The weights assume that the model holds to ``IMPURITY`` of the envelope at each point, so that a loud sample
 does not count for more than it is worth.
 
 The peak is the envelope at the moment of landing, ahead of the low-pass: ``sqrt(2)`` times the root mean square of all that
-rings. When a landing was, the sampling tells to a period; the straight line through 20 of them (the pin gets slower as the
-coil warms) tells better.
+rings. When a landing was, the sampling shows to a period; the straight line through 20 of them (the pin gets slower as the
+coil warms) shows it better.
 """
 
 from __future__ import annotations
@@ -45,7 +45,15 @@ _SKIP = 2
 
 @dataclass(frozen=True)
 class Ring:
-    """One landing fitted. ``amplitude_g``: envelope at the landing, of all that rings."""
+    """One landing fitted.
+
+    :param fit: of decay, frequency, amplitudes and offset.
+    :param landed_s: moment of landing after the command, s.
+    :param tau_s: decay of the envelope, s.
+    :param hertz: frequency of the ring, Hz.
+    :param amplitude_g: envelope of all that rings at the landing, g.
+    :param max_g: maximum magnitude of any sample, g.
+    """
 
     fit: Fit
     landed_s: float
@@ -57,7 +65,13 @@ class Ring:
 
 @dataclass(frozen=True)
 class SurfaceFit:
-    """All landings on one surface."""
+    """All landings on one surface.
+
+    :param surface: ``bare``, ``silicone`` or ``foam``.
+    :param rings: one for each landing.
+    :param travel_s: from the command to the landing, s.
+    :param average: of all landings, by the thesis' method.
+    """
 
     surface: str
     rings: tuple[Ring, ...]
@@ -72,7 +86,10 @@ class SurfaceFit:
         return float(np.mean([ring.fit.reduced_chi2 for ring in self.rings]))
 
     def quantities(self) -> dict[str, Quantity]:
-        """What was measured on this surface, named after it."""
+        """What was measured on this surface, named after it.
+
+        :return: decay (s), peak (g), decay by the thesis' method (s), maximum (g) and frequency (Hz).
+        """
         tau_s, tau_sd_s = _mean([ring.tau_s for ring in self.rings])
         peak_g, peak_sd_g = _mean([ring.amplitude_g for ring in self.rings])
         top_g, top_sd_g = _mean([ring.max_g for ring in self.rings])
@@ -89,7 +106,15 @@ class SurfaceFit:
 
 @dataclass(frozen=True)
 class Average:
-    """As in Fig 3.3: magnitude (n,) of the landings, each shifted so that its greatest is at 0, averaged; one exponential."""
+    """As in Fig 3.3: the magnitude of the landings, each shifted so that its maximum is at 0, averaged; and one exponential.
+
+    :param after_s: time since the maximum (n,), s.
+    :param g: mean magnitude (n,), g.
+    :param sd_g: standard deviation of the mean (n,), g.
+    :param tau_s: decay of the exponential, s.
+    :param tau_sd_s: its standard deviation, s.
+    :param start_g: value of the exponential at 0, g.
+    """
 
     after_s: Vector
     g: Vector
@@ -102,12 +127,15 @@ class Average:
 def fit_surface(surface: str, traces: Sequence[Trace], bandwidth_hz: float) -> SurfaceFit:
     """Fit every landing, and put them together.
 
-    :param traces: one for each return of the pin. :param bandwidth_hz: of the accelerometer.
+    :param surface: ``bare``, ``silicone`` or ``foam``.
+    :param traces: one for each return of the pin.
+    :param bandwidth_hz: of the accelerometer.
+    :return: all rings, their average and the travel.
     :raises InputError: fewer than ``FEWEST`` landings.
     """
     found = [(number, trace, first) for number, trace in enumerate(traces) if (first := trace.onset(*FLIGHT_S)) is not None]
     if len(found) < FEWEST:
-        raise InputError(f"{len(found)} landings on {surface}; allowed: at least {FEWEST}")
+        raise InputError(f"{len(found)} landings on {surface}; at least {FEWEST} are needed")
     period_s = found[0][1].period_s
     number = np.array([number for number, _, _ in found], dtype=float)
     middle_s = np.array([trace.after_s[first] for _, trace, first in found]) - 0.5 * period_s
@@ -132,7 +160,11 @@ def fit_surface(surface: str, traces: Sequence[Trace], bandwidth_hz: float) -> S
 def fit_ring(trace: Trace, first: int, landed_s: float, bandwidth_hz: float) -> Ring:
     """Fit one landing.
 
-    :param first: number of its first loud sample. :param landed_s: after the command, when it was.
+    :param trace: of the landing.
+    :param first: number of its first loud sample.
+    :param landed_s: after the command, when it was.
+    :param bandwidth_hz: of the accelerometer's low-pass, Hz.
+    :return: the ring, its amplitude corrected for the low-pass.
     """
     start = first + _SKIP
     since_s = trace.after_s[start:] - landed_s
@@ -160,13 +192,23 @@ def fit_ring(trace: Trace, first: int, landed_s: float, bandwidth_hz: float) -> 
 
 
 def low_pass(tau_s: float, hertz: float, bandwidth_hz: float) -> float:
-    """What a low-pass of first order leaves of a ring's amplitude."""
+    """What a low-pass of first order leaves of a ring's amplitude.
+
+    :param tau_s: decay of the ring, s.
+    :param hertz: its frequency, Hz.
+    :param bandwidth_hz: cut-off of the filter, Hz.
+    :return: share of the amplitude; for ``tau_s`` below the filter's own time constant it exceeds 1.
+    """
     cutoff = 2.0 * math.pi * bandwidth_hz
     return cutoff / abs(complex(cutoff - 1.0 / tau_s, 2.0 * math.pi * hertz))
 
 
 def thesis_method(found: Sequence[Trace]) -> Average:
-    """The published evaluation; the uncertainty of its decay is by leaving out one landing after the other."""
+    """The published evaluation; the uncertainty of its decay is by leaving out one landing after the other.
+
+    :param found: one trace for each landing, at least two.
+    :return: the average with its exponential.
+    """
     period_s = found[0].period_s
     length = round(_WINDOW_S / period_s)
     before = round(8e-3 / period_s)
@@ -187,7 +229,7 @@ def thesis_method(found: Sequence[Trace]) -> Average:
 
 
 def _exponential(after_s: Vector, g: Vector, floor_g: float) -> tuple[float, float]:
-    """Straight line through the logarithm, from the greatest on until ``floor_g``; decay time and value at 0."""
+    """Straight line through the logarithm, from the maximum until ``floor_g``; decay time and value at 0."""
     below = np.flatnonzero((after_s > 0.0) & (g < floor_g))
     part = (after_s >= 0.0) & (np.arange(len(g)) < (below[0] if len(below) else len(g)))
     slope, height = np.polyfit(after_s[part], np.log(g[part]), 1)
@@ -201,7 +243,7 @@ def _ringing(values: Vector, since_s: Vector) -> Vector:
 
 
 def _first_guess(since_s: Vector, g: Vector, trace: Trace) -> tuple[float, float]:
-    """Decay from the mean time of the energy, which is half of it; frequency from the greatest of the spectrum."""
+    """Decay from the mean time of the energy, which is half of it; frequency from the maximum of the spectrum."""
     energy = g**2 - trace.noise_g**2
     mean_s = float(np.sum(energy * (since_s - since_s[0])) / np.sum(energy))
     spectrum = np.abs(np.fft.rfft(g, 2048))

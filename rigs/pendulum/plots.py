@@ -14,7 +14,12 @@ _BEFORE_S, _SHOWN_S = 7e-3, 25e-3
 
 
 def recoil_plots(fits: Sequence[SurfaceFit], name: str) -> tuple[Plot, ...]:
-    """Averaged landings, and the decay of each single one."""
+    """Averaged landings, and the decay of each single one.
+
+    :param fits: one for each surface.
+    :param name: of the rig, the first word of each plot's name.
+    :return: recoil in a logarithmic scale, then decay by landing.
+    """
     return _averaged(fits, name), _each(fits, name)
 
 
@@ -51,7 +56,7 @@ def _averaged(fits: Sequence[SurfaceFit], name: str) -> Plot:
     return Plot(
         name=f"{name}-recoil",
         title="Recoil of landings on the off plate, aligned and averaged",
-        x_label="time after the greatest acceleration (ms)",
+        x_label="time after the maximum acceleration (ms)",
         y_label="magnitude of acceleration (g)",
         series=tuple(curves),
         residuals=tuple(residuals),

@@ -53,14 +53,20 @@ _MOVING_S, _RESTING_S = (3.45e-3, 4.35e-3), (7.2e-3, 9.5e-3)
 MEASUREMENTS = {
     **SET_UP,
     "landings": Measurement("landings", "1", 0.9, 1.0, "landings felt for each return of the pin"),
-    "max_g": Measurement("max_g", "g", LOOSE_G, 16.0, "greatest acceleration; less: the accelerometer is loose"),
+    "max_g": Measurement("max_g", "g", LOOSE_G, 16.0, "maximum acceleration; less: the accelerometer is loose"),
     "reduced_chi2": Measurement("reduced_chi2", "1", 0.0, 3.0, "a decaying ring of one frequency describes a landing"),
 }
 
 
 @dataclass(frozen=True)
 class Swing:
-    """What one surface gave: faults or a fit, and the measurements made on the way."""
+    """Landings on one surface.
+
+    :param surface: ``bare``, ``silicone`` or ``foam``.
+    :param measured: of the set-up.
+    :param faults: at the bench; there is no fit then.
+    :param fit: None where there is a fault.
+    """
 
     surface: str
     measured: tuple[Measured, ...]
@@ -71,7 +77,9 @@ class Swing:
 def run(options: BenchOptions) -> RigResult:
     """Run the rig on one actuator, ``options.channel``, on ``options.surface`` or, simulated, on all three.
 
-    :raises InputError: hardware, and not said which surface; or another than the simulated board's URL names.
+    :param options: where it runs; ``channel`` is the actuator's.
+    :return: quantities of all surfaces, or faults.
+    :raises InputError: hardware without a surface; or another than the simulated board's URL names.
     :raises HapticsError: board or accelerometer cannot be used; the board is off then.
     """
     chosen = surfaces(options)
@@ -86,6 +94,8 @@ def run(options: BenchOptions) -> RigResult:
 def surfaces(options: BenchOptions) -> tuple[str, ...]:
     """The surfaces that a run with these options measures.
 
+    :param options: ``surface`` and the board's URL count.
+    :return: one surface, or all three.
     :raises InputError: see ``run``.
     """
     url, wanted = options.board_url(BOARD), options.surface
@@ -93,15 +103,21 @@ def surfaces(options: BenchOptions) -> tuple[str, ...]:
         one_of("surface", wanted, SURFACES)
     named = query_of(url).get("surface") if is_simulated(url) else wanted
     if not is_simulated(url) and wanted is None:
-        raise InputError(f"surface = None: what lies under the pin of {url!r} has to be said; allowed: {', '.join(SURFACES)}")
+        raise InputError(
+            f"port = {url!r} is hardware: state what lies under its pin with --surface; allowed: {', '.join(SURFACES)}"
+        )
     if None not in (named, wanted) and named != wanted:
-        raise InputError(f"surface = {wanted!r}, and port = {url!r} names another; allowed: the same, or one of the two")
+        raise InputError(f"surface = {wanted!r}, and port = {url!r} names another; give one of the two")
     one = named or wanted
     return SURFACES if one is None else (one,)
 
 
 def evaluate(swings: list[Swing]) -> RigResult:
-    """The result of all surfaces; without quantities if one of them shows a fault."""
+    """The result of all surfaces; without quantities if one of them shows a fault.
+
+    :param swings: one for each surface.
+    :return: quantities, or faults.
+    """
     measured = tuple(one for swing in swings for one in _named(swing, several=len(swings) > 1))
     faults = tuple(fault for swing in swings for fault in swing.faults)
     fits = [swing.fit for swing in swings if swing.fit is not None]
@@ -122,7 +138,7 @@ def evaluate(swings: list[Swing]) -> RigResult:
         plots=plots,
         notes=(
             "tau is the mean of fits to each landing; by the thesis' method it is of the aligned and averaged magnitude. peak is "
-            "the envelope at the landing, ahead of the accelerometer's low-pass; greatest is the mean of the greatest samples, "
+            "the envelope at the landing, ahead of the accelerometer's low-pass; max_g is the mean of the maximum samples, "
             "which is what Fig 3.3 shows at 0.",
             "travel is from the command's start to the landing, pins coming back (on to off).",
         ),
@@ -167,7 +183,7 @@ def _swing(options: BenchOptions, surface: str) -> Swing:
 
 
 def _switch(bench: Bench, surface: str) -> list[int]:
-    """Out and back ``CYCLES`` times; returns when each return was told to begin."""
+    """Out and back ``CYCLES`` times; returns the commanded start of each return."""
     backs_ns: list[int] = []
     first_ns = bench.now_ns + seconds_to_ns(0.2)
     for k in range(2 * CYCLES):

@@ -21,7 +21,13 @@ _GROWN_M = 0.4e-3
 
 
 def fit_faults(record: PullRecord, noise_n: float, overlap_m2: float) -> tuple[Fault, ...]:
-    """Faults that show in the forces of all pulls together. :param overlap_m2: what the strips should overlap."""
+    """Faults that show in the forces of all pulls together.
+
+    :param record: of a whole run.
+    :param noise_n: standard deviation of one sample, N.
+    :param overlap_m2: what the strips should overlap.
+    :return: the first fault found, or none.
+    """
     slow = [one for one in record.pulls if one.slow and one.volts]
     fast = [one for one in record.pulls if not one.slow]
     max_n = max(float(record.of(one)[1].max()) for one in slow)
@@ -32,7 +38,7 @@ def fit_faults(record: PullRecord, noise_n: float, overlap_m2: float) -> tuple[F
     sliding = sliding_parts(record, fast, fit_rise(record, slow, noise_n))
     for one in sliding:
         if len(one.slip_m) < 10:
-            seen = f"at {one.volts:g} V the strips hardly slide within {1e3 * record.way_m:g} mm"
+            seen = f"at {one.volts:g} V the strips hardly slide within {1e3 * record.travel_m:g} mm"
             return (Fault("way_too_short", f"{seen}; shorten the slack, stiffen the frame"),)
     for one in reversed(sliding):
         fault = clamp_fault(one.volts, one.slip_m, one.force_n, noise_n, overlap_m2)
@@ -42,16 +48,21 @@ def fit_faults(record: PullRecord, noise_n: float, overlap_m2: float) -> tuple[F
 
 
 def growing_slack(record: PullRecord, pulls: Sequence[OnePull]) -> Fault | None:
-    """Pulls of one speed, each of which takes longer to get taut than the first: the clamp has slipped meanwhile."""
+    """Pulls of one speed, each of which takes longer to get taut than the first: the clamp has slipped meanwhile.
+
+    :param record: of a whole run.
+    :param pulls: of one speed, in their order.
+    :return: ``clamp_slips``, or None.
+    """
     taut: list[tuple[float, float]] = []
     for one in pulls:
         seconds, force_n = record.of(one)
         if float(force_n.max()) > 2.0 * _TAUT_N:
             taut.append((one.volts, one.speed_m_s * float(seconds[int(np.argmax(force_n > _TAUT_N))])))
-    for volts, way_m in taut[1:]:
-        if way_m - taut[0][1] > _GROWN_M:
+    for volts, travel_m in taut[1:]:
+        if travel_m - taut[0][1] > _GROWN_M:
             why = (
-                f"at {volts:g} V the strips are taut after {1e3 * way_m:.1f} mm, at {taut[0][0]:g} V they were after "
+                f"at {volts:g} V the strips are taut after {1e3 * travel_m:.1f} mm, at {taut[0][0]:g} V they were after "
                 f"{1e3 * taut[0][1]:.1f} mm: the clamp slips along the strip; tighten it"
             )
             return Fault("clamp_slips", why)
@@ -59,21 +70,34 @@ def growing_slack(record: PullRecord, pulls: Sequence[OnePull]) -> Fault | None:
 
 
 def no_force(max_n: float, capacitance_f: float) -> Fault | None:
-    """Nothing was pulled. :param max_n: greatest force with 1500 V on."""
+    """Nothing was pulled.
+
+    :param max_n: maximum force with 1500 V on, N.
+    :param capacitance_f: of the output by the board's self test, F.
+    :return: ``stage_still``, or None above 0.5 N.
+    """
     if max_n >= _NO_FORCE_N:
         return None
     why = (
-        f"the force stays below {max_n:.2g} N, though the brake has {capacitance_f * 1e9:.1f} nF and the stage says that it "
-        "went; does its carriage move, and is the strip in the clamp?"
+        f"the force stays below {max_n:.2g} N, though the brake has {capacitance_f * 1e9:.1f} nF and the stage reports that "
+        "it moved; does its carriage move, and is the strip in the clamp?"
     )
     return Fault("stage_still", why)
 
 
 def clamp_fault(volts: float, slip_m: Vector, force_n: Vector, noise_n: float, overlap_m2: float) -> Fault | None:
-    """What slides loses no overlap, so that it is not the strips. :param slip_m: of samples while something slid."""
+    """What slides loses no overlap, so that it is not the strips.
+
+    :param volts: of the pull, V.
+    :param slip_m: of samples while something slid.
+    :param force_n: of the same samples (n,), N.
+    :param noise_n: standard deviation of one sample, N.
+    :param overlap_m2: what the strips should overlap, m^2.
+    :return: ``clamp_slips``, or None where the force falls as overlap is lost.
+    """
     slope, at_none_n = np.polyfit(slip_m, force_n, 1)
     lost = -float(slope / at_none_n)
-    # Where the samples cannot tell the slope there is nothing to say.
+    # Where the samples do not determine the slope there is nothing to report.
     slope_sd = noise_n / float(np.sqrt(np.sum((slip_m - slip_m.mean()) ** 2))) / at_none_n
     if lost >= _LOST_SHARE * BRAKE.width_m / overlap_m2 - 4.0 * slope_sd:
         return None

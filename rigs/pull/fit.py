@@ -5,7 +5,7 @@
     capacity   F = F_off + k (V^2 - V0^2)           of the whole overlap
     sliding    l dT/dx = F - (F - F_off) a s - T    from where the rise meets F
 
-``a`` is the overlap lost a metre of slip ``s``; ``l`` is the way that the stage goes within the contact's release lag, by which a
+``a`` is the overlap lost a metre of slip ``s``; ``l`` is the travel of the stage within the contact's release lag, by which a
 falling capacity stays behind.
 """
 
@@ -36,8 +36,15 @@ half a millisecond is up to 0.5 % above level ``reference`` (assumed to be alike
 
 @dataclass(frozen=True)
 class PullFit:
-    """All that the pulls say. ``law``: ``k_n_kv2, threshold_kv, slope_per_mm, lag_mm`` fitted to the sliding samples; in these
-    units all parameters are numbers of like size.
+    """The evaluation of all pulls.
+
+    :param rise: slack and stiffness.
+    :param plateaus: one for each slow pull, lowest volts first.
+    :param sliding: one for each fast pull, lowest volts first.
+    :param law: ``k_n_kv2, threshold_kv, slope_per_mm, lag_mm`` fitted to the sliding samples; in these units all have similar
+        magnitudes.
+    :param off_n: force without volts, N.
+    :param off_sd_n: its standard deviation, N.
     """
 
     rise: Rise
@@ -60,11 +67,19 @@ class PullFit:
         return 1e3 * self.law.value("threshold_kv")
 
     def capacity_n(self, volts: float) -> float:
-        """Of the whole overlap, by the law."""
+        """Of the whole overlap, by the law.
+
+        :param volts: V, >= 0.
+        :return: N; the force without volts below the threshold.
+        """
         return self.off_n + self.k_n_v2 * max(0.0, volts**2 - self.threshold_v**2)
 
     def capacity_sd_n(self, volts: float) -> float:
-        """Of ``capacity_n``, the load cell's gain included."""
+        """Of ``capacity_n``, the load cell's gain included.
+
+        :param volts: V, >= 0.
+        :return: standard deviation, N.
+        """
         k, threshold_kv, kilovolts = self.law.value("k_n_kv2"), self.law.value("threshold_kv"), 1e-3 * volts
         of_fit = self.law.sd_of({"k_n_kv2": kilovolts**2 - threshold_kv**2, "threshold_kv": -2.0 * k * threshold_kv})
         return quadrature((of_fit, self.off_sd_n, GAIN_SD * self.capacity_n(volts)))
@@ -85,7 +100,10 @@ class PullFit:
         return self.plateaus[-1].slid_m
 
     def plateau_law(self) -> Fit:
-        """The threshold law through the plateaus, each weighted with 1 %: what a fit to a published pull gives."""
+        """The threshold law through the plateaus, each weighted with 1 %: what a fit to a published pull gives.
+
+        :return: ``k_n_kv2`` and ``threshold_kv``.
+        """
         kilovolts = 1e-3 * np.array([one.volts for one in self.plateaus])
         force_n = np.array([one.force_n for one in self.plateaus])
         return least_squares_fit(
@@ -100,6 +118,9 @@ class PullFit:
 
         At the threshold nothing is held that could dip. (The law through the plateaus is 2 % off at 400 V: dips deepen with the
         time that charging takes, and not with the square of the volts.)
+
+        :param volts: from the threshold to 1500 V.
+        :return: N, with its standard deviation.
         """
         from scipy.interpolate import PchipInterpolator
 
@@ -109,7 +130,10 @@ class PullFit:
         return Quantity(force_n, quadrature((self.capacity_sd_n(volts), DIP_SD * force_n, BETWEEN_SD * force_n)), "N")
 
     def quantities(self) -> dict[str, Quantity]:
-        """What the rig is for."""
+        """What the rig is for.
+
+        :return: by name, in SI units.
+        """
         law, rise, top = self.law, self.rise, self.plateaus[-1]
         k, slope = self.k_n_v2, 1e3 * law.value("slope_per_mm")
         return {
@@ -125,7 +149,10 @@ class PullFit:
         }
 
     def levels(self) -> list[dict[str, Any]]:
-        """What was seen at each voltage, as plain data."""
+        """What was seen at each voltage, as plain data.
+
+        :return: one entry for each slow pull: V and N.
+        """
         return [
             {
                 "volts": one.volts,
@@ -139,7 +166,10 @@ class PullFit:
         ]
 
     def notes(self) -> tuple[str, ...]:
-        """What a reader should know."""
+        """What a reader should know.
+
+        :return: sentences for the page.
+        """
         top, through = self.plateaus[-1], self.plateau_law()
         capacity_n = self.capacity_n(TOP_V)
         return (
@@ -153,8 +183,11 @@ class PullFit:
 
 
 def fit_pulls(record: PullRecord, noise_n: float) -> PullFit:
-    """Evaluate all pulls. :param noise_n: standard deviation of one sample.
+    """Evaluate all pulls.
 
+    :param record: of a whole run.
+    :param noise_n: standard deviation of one sample.
+    :return: the evaluation.
     :raises InputError: too little slides to fit.
     """
     slow = [one for one in record.pulls if one.slow and one.volts]
@@ -164,16 +197,21 @@ def fit_pulls(record: PullRecord, noise_n: float) -> PullFit:
     plateaus = tuple(plateau(record, one, rise) for one in slow)
     sliding = sliding_parts(record, fast, rise)
     off_n, off_sd_n = off_force(record, off, rise, noise_n)
-    zero_sd_n = quadrature((record.zero_sd_n(fast[0], noise_n, 0.5 * record.way_m / fast[0].speed_m_s), off_sd_n))
+    zero_sd_n = quadrature((record.zero_sd_n(fast[0], noise_n, 0.5 * record.travel_m / fast[0].speed_m_s), off_sd_n))
     return PullFit(rise, plateaus, sliding, fit_law(sliding, rise, off_n, noise_n), off_n, off_sd_n, zero_sd_n)
 
 
 def fit_law(sliding: Sequence[Sliding], rise: Rise, off_n: float, noise_n: float) -> Fit:
     """The threshold law, with overlap lost and the contact's lag, through all samples that slid.
 
-    Since the strips began to slide the stage has gone ``w = x - slack - F/k_s``, and ``T`` solves the line above:
+    Since the strips began to slide the stage has travelled ``w = x - slack - F/k_s``, and ``T`` solves the line above:
     ``T = F - (c / b) (w - (l / b) (1 - exp(-b w / l)))`` with ``c = (F - F_off) a`` and ``b = 1 - c / k_s``.
 
+    :param sliding: samples of each fast pull.
+    :param rise: slack and stiffness from the slow pulls.
+    :param off_n: force without volts, N.
+    :param noise_n: standard deviation of one sample, N.
+    :return: ``k_n_kv2, threshold_kv, slope_per_mm, lag_mm``.
     :raises InputError: too few of them.
     """
     kilovolts = np.concatenate([np.full(len(one.taut_m), 1e-3 * one.volts) for one in sliding])

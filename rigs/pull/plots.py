@@ -13,7 +13,13 @@ _DRAWN = 500
 
 
 def pull_plots(record: PullRecord, fit: PullFit, name: str) -> tuple[Plot, ...]:
-    """Force of the published pulls over time; capacity and plateau against volts with the law."""
+    """Force of the published pulls over time; capacity and plateau against volts with the law.
+
+    :param record: of a whole run.
+    :param fit: its evaluation.
+    :param name: of the rig, the first word of each plot's name.
+    :return: force against volts, and the pulls.
+    """
     curves = []
     for one in record.pulls:
         if one.slow:
@@ -62,7 +68,7 @@ def _against_volts(fit: PullFit, name: str) -> Plot:
 
 
 def _capacity_seen_n(fit: PullFit, at: int) -> float:
-    """Capacity of the whole overlap that the samples of one fast pull say: the law there and their mean misfit."""
+    """Capacity of the whole overlap from the samples of one fast pull: the law there and their mean misfit."""
     ends = np.cumsum([len(one.slip_m) for one in fit.sliding])
     residuals = fit.law.residuals[ends[at] - len(fit.sliding[at].slip_m) : ends[at]]
     return fit.capacity_n(fit.sliding[at].volts) + float(residuals.mean())

@@ -2,7 +2,7 @@
 
 Purpose: two numbers that are easily taken for each other, and the law behind them. *Capacity* is what the brake holds while its
 volts stand still. *Plateau* is the mean of the published pull, 1 mm/s under 10 Hz AC; it lies below the capacity, for at each
-reversal the capacity dips, the strips give way, and the frame has loaded them again by a fraction only when the next one comes.
+reversal the capacity dips, the strips slip, and the frame has loaded them again by a fraction only when the next one comes.
 
 Wiring: the brake's strips between the stage's clamp and the load cell, overlap 11 cm2, slack, on one output; nothing else driven.
 
@@ -36,7 +36,7 @@ PUBLISHED = {
 }
 """Quantity here, number or point of the reference it answers: those of the index's brake."""
 VOLTS = (0.0, 250.0, 500.0, 750.0, 1000.0, 1250.0, 1500.0)
-WAY_M = 10e-3
+TRAVEL_M = 10e-3
 SLOW_M_S, SLOW_HZ = 1e-3, 10.0
 FAST_M_S, FAST_HZ = 15e-3, 0.5
 BACK_M_S = 20e-3
@@ -52,13 +52,17 @@ MEASUREMENTS = {
     "rate_hz": Measurement("rate_hz", "Hz", 70.0, 1e4, "samples a second; fewer miss the ripple at 10 Hz"),
     "capacitance_f": Measurement("capacitance_f", "F", 0.5e-9, 30e-9, "of the output, as the board's self test found it"),
     "misfit_share": Measurement("misfit_share", "1", 0.0, 0.03, "root mean square of the law's misfit over capacity at 1500 V"),
-    "slid_m": Measurement("slid_m", "m", 1e-3, WAY_M, "how far the strips slid at 1500 V; less: not enough way for the plateau"),
+    "slid_m": Measurement(
+        "slid_m", "m", 1e-3, TRAVEL_M, "how far the strips slid at 1500 V; less: not enough travel for the plateau"
+    ),
 }
 
 
 def run(options: BenchOptions) -> RigResult:
     """Run the rig on one brake, output ``options.channel``.
 
+    :param options: where it runs; ``channel`` is the output.
+    :return: quantities, or faults.
     :raises HapticsError: the board or an instrument cannot be used; the board is off then.
     """
     with Bench(BOARD, INSTRUMENTS, options, rig=NAME, simulate=FRAME, plot=("loadcell", "force_n")) as bench:
@@ -77,13 +81,18 @@ def run(options: BenchOptions) -> RigResult:
         bench.wait(LONG_REST_S)
         bench.disarm()
         capacitance_f = max(message.capacitance[options.channel] for _, message in bench.telemetry) * 1e-12
-        record = PullRecord(bench.samples("loadcell"), tuple(pulls), bench.now_ns, WAY_M, capacitance_f)
+        record = PullRecord(bench.samples("loadcell"), tuple(pulls), bench.now_ns, TRAVEL_M, capacitance_f)
         overlap_m2 = options.configuration.brake.overlap_m2
     return evaluate(record, overlap_m2)
 
 
 def evaluate(record: PullRecord, overlap_m2: float) -> RigResult:
-    """Faults, or the fit, from what was recorded. :param overlap_m2: what the strips should overlap."""
+    """Faults, or the fit, from what was recorded.
+
+    :param record: of a whole run.
+    :param overlap_m2: what the strips should overlap.
+    :return: quantities, or faults.
+    """
     noise_n = noise_sd(record.rest_force_n())
     measured = [
         Measured(MEASUREMENTS["noise_n"], noise_n),
@@ -120,7 +129,7 @@ def _pull(bench: Bench, volts: float, slow: bool) -> OnePull:
     bench.wait(ENGAGED_S if slow else first_reversal_s + REVERSED_S)
     speed_m_s = SLOW_M_S if slow else FAST_M_S
     moved_ns = bench.now_ns
-    bench.move(WAY_M, speed_m_s)
+    bench.move(TRAVEL_M, speed_m_s)
     bench.settle()
     until_ns = bench.now_ns
     if not slow:  # the next reversal is at three times the first
@@ -128,6 +137,6 @@ def _pull(bench: Bench, volts: float, slow: bool) -> OnePull:
     if volts:
         bench.release(channel)
         bench.wait(LET_GO_S)
-    bench.move(-WAY_M, BACK_M_S)
+    bench.move(-TRAVEL_M, BACK_M_S)
     bench.settle()
     return OnePull(volts, slow, speed_m_s, rest_ns, moved_ns, until_ns)

@@ -1,4 +1,4 @@
-"""Published reference data: what the thesis states, with where it says so, how sure it is, and what the project made of it.
+"""Published reference data: what the thesis states, with the section, how sure it is, and what the project made of it.
 
 Numbers, curves and contradictions are TOML files in this folder, typed off the text and never taken from a model.
 """

@@ -24,7 +24,9 @@ def _shipped() -> Reference:
 def published(id: str) -> Published:
     """The published number of an id, such as ``thermal_tau``.
 
-    :raises InputError: no such id; the message names the nearest.
+    :param id: of a number.
+    :return: the number.
+    :raises InputError: unknown id; the message names the nearest.
     """
     row = _shipped().published.get(id)
     if row is None:
@@ -35,7 +37,9 @@ def published(id: str) -> Published:
 def curve(id: str) -> Curve:
     """The published curve of an id, such as ``force_index``.
 
-    :raises InputError: no such id; the message names the nearest.
+    :param id: of a curve.
+    :return: the curve.
+    :raises InputError: unknown id; the message names the nearest.
     """
     row = _shipped().curves.get(id)
     if row is None:
@@ -44,23 +48,34 @@ def curve(id: str) -> Curve:
 
 
 def all_published() -> tuple[Published, ...]:
-    """Every number, in the order of the files."""
+    """Every number, in the order of the files.
+
+    :return: every published number.
+    """
     return tuple(_shipped().published.values())
 
 
 def all_curves() -> tuple[Curve, ...]:
-    """Every curve, in the order of the files."""
+    """Every curve, in the order of the files.
+
+    :return: every published curve.
+    """
     return tuple(_shipped().curves.values())
 
 
 def contradictions() -> tuple[Contradiction, ...]:
-    """Every contradiction, in the order of the files."""
+    """Every contradiction, in the order of the files.
+
+    :return: every contradiction.
+    """
     return tuple(_shipped().contradictions.values())
 
 
 def contradictions_of(id: str) -> tuple[Contradiction, ...]:
     """The contradictions that concern a number or curve; none if its source is of one mind.
 
+    :param id: of a number or curve.
+    :return: in the order of the files.
     :raises InputError: no number or curve has the id.
     """
     if id not in _shipped().published and id not in _shipped().curves:
@@ -70,5 +85,5 @@ def contradictions_of(id: str) -> tuple[Contradiction, ...]:
 
 def _unknown(kind: str, id: str, known: Iterable[str]) -> InputError:
     near = get_close_matches(id, list(known), n=3, cutoff=0.4)
-    perhaps = f"perhaps {', '.join(near)}; " if near else ""
-    return InputError(f"{kind} id = {id!r} is not known; allowed: {perhaps}the ids of the files")
+    nearest = f"nearest: {', '.join(near)}" if near else "see docs/reference/published.md"
+    return InputError(f"{kind} id = {id!r} is not known; {nearest}")

@@ -2,7 +2,7 @@
 
 The rule, for a result ``r`` of standard deviation ``sd`` against a published value ``p``:
 
-- *stated* tolerance ``t`` (the source's ± or SD): agrees if ``|r - p| <= 2 sqrt(t^2/n + sd^2)``. The source never says what
+- *stated* tolerance ``t`` (the source's ± or SD): agrees if ``|r - p| <= 2 sqrt(t^2/n + sd^2)``. The source never states what
   its ± is; it is read as one standard deviation (assumed). ``n`` is ``sample_size``, the persons or pieces whose scatter ``t``
   is, where ``p`` is their mean; 1 where ``t`` is of the value itself.
 - *assumed* tolerance ``t`` (half of the last digit printed, a setting): a half-width, agrees if
@@ -25,7 +25,7 @@ from haptics.units import in_range
 
 Verdict = Literal["agrees", "differs"]
 RELATIONS = ("=", "about", "<", "<=", ">", ">=")
-"""How the source puts a value. ``about`` is compared as ``=``: the tolerance says how near."""
+"""How the source states a value. ``about`` is compared as ``=`` within its tolerance."""
 TOLERANCE_KINDS = ("stated", "assumed", "bound")
 SURE = ("stated", "table", "caption", "derived")
 """How sure a value is: in the text, in a table, in the caption of a figure, or arithmetic from stated values."""
@@ -36,7 +36,11 @@ ROLES = ("calibration", "validation")
 def half_width(tolerance: float, tolerance_kind: str, sd: float = 0.0, sample_size: int = 1) -> float:
     """How far a result may lie from a published value, or beyond a bound, and still agree. See the module for the rule.
 
+    :param tolerance: of the published value, >= 0, in its unit.
+    :param tolerance_kind: one of ``TOLERANCE_KINDS``.
     :param sd: standard deviation of the result, >= 0, in the value's unit.
+    :param sample_size: persons or pieces behind a mean, >= 1.
+    :return: maximum difference that agrees, in the value's unit.
     :raises InputError: ``sd`` negative or not finite.
     """
     in_range("sd", sd, 0.0, math.inf)
@@ -48,9 +52,23 @@ def half_width(tolerance: float, tolerance_kind: str, sd: float = 0.0, sample_si
 class Published:
     """One published number.
 
-    ``value`` in ``unit``: SI, or as printed where the unit is %, 1/min, K/W or g (standard gravity, never gram). ``tolerance`` is
-    0 for a bound without one. ``written``: the words and number of the source, empty for a derived value. ``place``: the table
-    or figure. ``used_by``: what in the project holds the number or was found from it, as ``module:NAME.attribute``.
+    :param id: such as ``thermal_tau``.
+    :param quantity: what it is, in words.
+    :param value: in ``unit``.
+    :param unit: SI, or as printed where it is %, 1/min, K/W or g (standard gravity, never gram).
+    :param relation: how the source states the value, one of ``RELATIONS``.
+    :param tolerance: in ``unit``; 0 for a bound without one.
+    :param tolerance_kind: one of ``TOLERANCE_KINDS``.
+    :param tolerance_reason: where an assumed tolerance comes from; empty otherwise.
+    :param sample_size: persons or pieces behind a mean, else 1.
+    :param section: of the thesis.
+    :param place: table or figure; empty for running text.
+    :param sure: one of ``SURE``.
+    :param written: words and number of the source; empty for a derived value.
+    :param role: one of ``ROLES``.
+    :param used_by: what in the project holds the number or was found from it, as ``module:NAME.attribute``.
+    :param note: for readers; may be empty.
+    :param file: that holds it.
     """
 
     id: str
@@ -74,6 +92,8 @@ class Published:
     def allowed(self, sd: float = 0.0) -> float:
         """How far a result of standard deviation ``sd`` may lie off, or beyond the bound (``unit``).
 
+        :param sd: standard deviation of the result, >= 0, in ``unit``.
+        :return: maximum difference that agrees, in ``unit``.
         :raises InputError: ``sd`` negative or not finite.
         """
         return half_width(self.tolerance, self.tolerance_kind, sd, self.sample_size)
@@ -81,7 +101,9 @@ class Published:
     def compare(self, ours: float, sd: float = 0.0) -> Verdict:
         """Whether our result agrees with the published one, by the rule of this module.
 
-        :param ours: in ``unit``. :param sd: its standard deviation, >= 0.
+        :param ours: in ``unit``.
+        :param sd: its standard deviation, >= 0.
+        :return: ``agrees`` or ``differs``.
         :raises InputError: a number that is not finite, or a negative ``sd``.
         """
         off = in_range("ours", ours, -math.inf, math.inf, self.unit) - self.value
@@ -96,7 +118,13 @@ class Published:
 
 @dataclass(frozen=True, slots=True)
 class CurvePoint:
-    """One point: at ``x``, or for a curve over categories ``label`` (and ``x`` None); ``y`` with its tolerance."""
+    """One point of a curve.
+
+    :param x: abscissa, in the curve's ``x_unit``; None for a curve over categories.
+    :param label: category; empty for a numbered point.
+    :param y: value, in the curve's ``unit``.
+    :param tolerance: of ``y``, >= 0.
+    """
 
     x: float | None
     label: str
@@ -106,7 +134,26 @@ class CurvePoint:
 
 @dataclass(frozen=True, slots=True)
 class Curve:
-    """Published points of one quantity over another. ``x_unit`` is empty for categories; the rest as in ``Published``."""
+    """Published points of one quantity over another.
+
+    :param id: such as ``force_index``.
+    :param quantity: what it is, in words.
+    :param unit: of the points' ``y``, as in ``Published``.
+    :param x_quantity: what it is plotted over.
+    :param x_unit: of the points' ``x``; empty for categories.
+    :param tolerance_kind: ``stated`` or ``assumed``.
+    :param tolerance_reason: where an assumed tolerance comes from; empty otherwise.
+    :param sample_size: persons or pieces behind each mean, else 1.
+    :param section: of the thesis.
+    :param place: table or figure; empty for running text.
+    :param sure: one of ``SURE``.
+    :param written: words and numbers of the source.
+    :param role: one of ``ROLES``.
+    :param used_by: what in the project holds the curve, as ``module:NAME.attribute``.
+    :param note: for readers; may be empty.
+    :param points: in the source's order, at least one.
+    :param file: that holds it.
+    """
 
     id: str
     quantity: str
@@ -129,6 +176,8 @@ class Curve:
     def at(self, key: float | str) -> CurvePoint:
         """The point at an ``x``, or of a label.
 
+        :param key: ``x`` of a numbered point, label of a category.
+        :return: the point.
         :raises InputError: there is none; nothing is read in between.
         """
         for point in self.points:
@@ -140,7 +189,11 @@ class Curve:
     def compare(self, key: float | str, ours: float, sd: float = 0.0) -> Verdict:
         """Whether our result at a point agrees with the published one, by the rule of this module.
 
-        :raises InputError: no such point, a number that is not finite, or a negative ``sd``.
+        :param key: ``x`` of a numbered point, label of a category.
+        :param ours: in ``unit``.
+        :param sd: its standard deviation, >= 0.
+        :return: ``agrees`` or ``differs``.
+        :raises InputError: an unknown point, a number that is not finite, or a negative ``sd``.
         """
         point = self.at(key)
         off = in_range("ours", ours, -math.inf, math.inf, self.unit) - point.y
@@ -149,7 +202,11 @@ class Curve:
 
 @dataclass(frozen=True, slots=True)
 class Passage:
-    """What the source says, in our words, and in which section."""
+    """What the source states in one place, in this project's words.
+
+    :param section: of the thesis.
+    :param says: the statement.
+    """
 
     section: str
     says: str
@@ -159,8 +216,13 @@ class Passage:
 class Contradiction:
     """Where the source disagrees with itself.
 
-    ``written``: the two or more passages. ``follows``: the arithmetic in words, ``computed`` its results, recomputed by a test.
-    ``used_here``: what the project takes. ``concerns``: ids of the numbers and curves concerned.
+    :param id: such as ``time_to_charge``.
+    :param written: the two or more passages.
+    :param follows: the arithmetic, in words.
+    :param computed: its results by name, recomputed by a test.
+    :param used_here: what the project takes.
+    :param concerns: ids of the numbers and curves concerned.
+    :param file: that holds it.
     """
 
     id: str

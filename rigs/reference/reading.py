@@ -1,7 +1,7 @@
 """Reference files checked as they are read: TOML with the tables ``published``, ``curve`` and ``contradiction``.
 
 Nothing is taken on trust: unknown or missing keys, sections that the thesis does not have, ids given twice, numbers that are
-none and choices outside their closed sets are refused with file and id. What a key means is told by ``published``.
+none and choices outside their closed sets are refused with file and id. The meaning of the keys is in ``published``.
 """
 
 from __future__ import annotations
@@ -35,7 +35,12 @@ _TABLES = ("published", "curve", "contradiction")
 
 @dataclass(frozen=True)
 class Reference:
-    """All that was read, by id."""
+    """All that was read, by id.
+
+    :param published: numbers by id.
+    :param curves: by id.
+    :param contradictions: by id.
+    """
 
     published: Mapping[str, Published]
     curves: Mapping[str, Curve]
@@ -46,18 +51,19 @@ def read_reference(texts: Mapping[str, str]) -> Reference:
     """Files as one body of reference data.
 
     :param texts: the text of each file, by its name.
+    :return: all rows by id, in the order of the files.
     :raises InputError: anything a file should not hold; the message names file, id, the value and what is allowed.
     """
     found: dict[str, Published | Curve | Contradiction] = {}
     for file, text in texts.items():
         for row in _rows(file, text):
             if row.id in found:
-                raise InputError(f"{file}: id {row.id!r} is given twice, first in {found[row.id].file}; allowed: once")
+                raise InputError(f"{file}: id {row.id!r} is given twice, first in {found[row.id].file}")
             found[row.id] = row
     for row in found.values():
         for concerned in row.concerns if isinstance(row, Contradiction) else ():
             if not isinstance(found.get(concerned), Published | Curve):
-                raise InputError(f"{row.file}: {row.id!r} concerns {concerned!r}; allowed: ids of numbers and curves")
+                raise InputError(f"{row.file}: {row.id!r} concerns {concerned!r}, which is no id of a number or curve")
     return Reference(
         MappingProxyType({key: row for key, row in found.items() if isinstance(row, Published)}),
         MappingProxyType({key: row for key, row in found.items() if isinstance(row, Curve)}),
@@ -75,7 +81,7 @@ def _rows(file: str, text: str) -> Iterable[Published | Curve | Contradiction]:
         one_of(f"{file}: table", table, _TABLES)
         for row in _list(f"{file}: {table}", rows):
             if not isinstance(row, dict):
-                raise InputError(f"{file}: {table} holds {row!r}; allowed: [[{table}]] tables")
+                raise InputError(f"{file}: {table} holds {row!r}; expected [[{table}]] tables")
             yield makers[table](_where(file, row), row, file)
 
 
@@ -86,14 +92,12 @@ def _published(where: str, row: dict[str, Any], file: str) -> Published:
     bound = relation not in ("=", "about")
     if bound != (about["tolerance_kind"] == "bound"):
         raise InputError(
-            f"{where}: relation {relation!r} with tolerance_kind {about['tolerance_kind']!r}; allowed: bounds with bound"
+            f"{where}: relation {relation!r} with tolerance_kind {about['tolerance_kind']!r}; only bounds have 'bound'"
         )
     if not bound and "tolerance" not in row:
-        raise InputError(f"{where}: no tolerance; allowed: a number >= 0, assumed with its reason if none is stated")
+        raise InputError(f"{where}: no tolerance; expected a number >= 0, assumed with its reason if none is stated")
     if ("written" in row) == (about["sure"] == "derived"):
-        raise InputError(
-            f"{where}: sure = {about['sure']!r}; allowed: written for what the source states, none for what is derived"
-        )
+        raise InputError(f"{where}: sure = {about['sure']!r}; what the source states needs written, what is derived has none")
     return Published(
         relation=relation,
         value=_number(f"{where} value", row["value"]),
@@ -110,7 +114,7 @@ def _curve(where: str, row: dict[str, Any], file: str) -> Curve:
     one_of(f"{where} tolerance_kind", about["tolerance_kind"], ("stated", "assumed"))
     points = tuple(_point(f"{where} points", point, "x_unit" in row) for point in _list(f"{where} points", row["points"]))
     if len({(point.x, point.label) for point in points}) != len(points) or not points:
-        raise InputError(f"{where}: {len(points)} points; allowed: one or more, each at its own place")
+        raise InputError(f"{where}: {len(points)} points; expected one or more, no two at the same place")
     return Curve(
         x_quantity=_text(f"{where} x_quantity", row["x_quantity"]),
         x_unit=one_of(f"{where} x_unit", row["x_unit"], UNITS) if "x_unit" in row else "",
@@ -123,7 +127,7 @@ def _curve(where: str, row: dict[str, Any], file: str) -> Curve:
 
 def _point(where: str, point: Any, numbered: bool) -> CurvePoint:
     if not isinstance(point, dict):
-        raise InputError(f"{where}: {point!r} is not a table; allowed: x or label, y, tolerance")
+        raise InputError(f"{where}: {point!r} is not a table; expected x or label, y, tolerance")
     _keys(where, point, ("x" if numbered else "label", "y", "tolerance"), ())
     return CurvePoint(
         x=_number(f"{where} x", point["x"]) if numbered else None,
@@ -138,14 +142,14 @@ def _contradiction(where: str, row: dict[str, Any], file: str) -> Contradiction:
     passages: list[Passage] = []
     for passage in _list(f"{where} written", row["written"]):
         if not isinstance(passage, dict):
-            raise InputError(f"{where} written: {passage!r} is not a table; allowed: section and says")
+            raise InputError(f"{where} written: {passage!r} is not a table; expected section and says")
         _keys(f"{where} written", passage, ("section", "says"), ())
         passages.append(Passage(_section(where, passage["section"]), _text(f"{where} says", passage["says"])))
     if len(passages) < 2:
-        raise InputError(f"{where}: {len(passages)} passages; allowed: two or more")
+        raise InputError(f"{where}: {len(passages)} passages; expected two or more")
     computed = row.get("computed", {})
     if not isinstance(computed, dict):
-        raise InputError(f"{where} computed = {computed!r}; allowed: a table of numbers")
+        raise InputError(f"{where} computed = {computed!r}; expected a table of numbers")
     return Contradiction(
         id=row["id"],
         written=tuple(passages),
@@ -161,14 +165,14 @@ def _about(where: str, row: dict[str, Any]) -> dict[str, Any]:
     """What numbers and curves have in common."""
     kind = one_of(f"{where} tolerance_kind", row["tolerance_kind"], TOLERANCE_KINDS)
     if ("tolerance_reason" in row) != (kind == "assumed"):
-        raise InputError(f"{where}: tolerance_kind {kind!r}; allowed: a tolerance_reason if it is assumed, none otherwise")
+        raise InputError(f"{where}: tolerance_kind {kind!r}; an assumed one needs a tolerance_reason, others have none")
     size = row.get("sample_size", 1)
     if isinstance(size, bool) or not isinstance(size, int) or size < 1 or ("sample_size" in row and kind != "stated"):
-        raise InputError(f"{where}: sample_size = {size!r}; allowed: a whole number >= 1, with a stated tolerance only")
+        raise InputError(f"{where}: sample_size = {size!r}; expected a whole number >= 1, with a stated tolerance only")
     used_by = tuple(_text(f"{where} used_by", one) for one in _list(f"{where} used_by", row.get("used_by", [])))
     role = one_of(f"{where} role", row["role"], ROLES)
     if role == "calibration" and not used_by:
-        raise InputError(f"{where}: no used_by; allowed: what in the project was calibrated by it")
+        raise InputError(f"{where}: no used_by; a calibration names what in the project was set by it")
     return {
         "id": row["id"],
         "quantity": _text(f"{where} quantity", row["quantity"]),
@@ -188,7 +192,7 @@ def _about(where: str, row: dict[str, Any]) -> dict[str, Any]:
 def _where(file: str, row: dict[str, Any]) -> str:
     key = row.get("id")
     if not isinstance(key, str) or not key.isidentifier():
-        raise InputError(f"{file}: id = {key!r}; allowed: a name of letters, digits and underscores")
+        raise InputError(f"{file}: id = {key!r}; expected letters, digits and underscores")
     return f"{file}: {key!r}"
 
 
@@ -197,35 +201,35 @@ def _keys(where: str, row: dict[str, Any], needs: tuple[str, ...], may: tuple[st
         one_of(f"{where} key", key, (*needs, *may))
     missing = [key for key in needs if key not in row]
     if missing:
-        raise InputError(f"{where}: {', '.join(missing)} missing; allowed: all of {', '.join(needs)}")
+        raise InputError(f"{where}: {', '.join(missing)} missing; required: {', '.join(needs)}")
 
 
 def _section(where: str, section: Any) -> str:
     if section not in SECTIONS:
-        raise InputError(f"{where}: section = {section!r}; allowed: a section of chapters 3 to 6 or 7.1 as a string")
+        raise InputError(f"{where}: section = {section!r}; expected a section of chapters 3 to 6, or 7.1, as a string")
     return section
 
 
 def _number(name: str, value: Any) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise InputError(f"{name} = {value!r} is not a number; allowed: any finite number")
+        raise InputError(f"{name} = {value!r} is not a number; expected a finite number")
     return float(value)
 
 
 def _tolerance(where: str, value: Any) -> float:
     tolerance = _number(f"{where} tolerance", value)
     if tolerance < 0.0:
-        raise InputError(f"{where} tolerance = {tolerance:g} is not allowed; allowed: at least 0")
+        raise InputError(f"{where} tolerance = {tolerance:g} is not allowed; expected >= 0")
     return tolerance
 
 
 def _text(name: str, value: Any) -> str:
     if not isinstance(value, str) or not value.strip():
-        raise InputError(f"{name} = {value!r}; allowed: words")
+        raise InputError(f"{name} = {value!r}; expected text")
     return value
 
 
 def _list(name: str, value: Any) -> list[Any]:
     if not isinstance(value, list):
-        raise InputError(f"{name} = {value!r}; allowed: a list")
+        raise InputError(f"{name} = {value!r}; expected a list")
     return value

@@ -37,6 +37,8 @@ _STYLE = {
 def png_bytes(plot: Plot) -> bytes:
     """The plot as a PNG picture.
 
+    :param plot: to draw.
+    :return: the file's bytes, the same for the same plot.
     :raises InputError: matplotlib is not installed.
     """
     return _saved(plot, "png", {"Software": None})
@@ -45,6 +47,8 @@ def png_bytes(plot: Plot) -> bytes:
 def svg_text(plot: Plot) -> str:
     """The plot as an ``<svg>`` element whose words are text.
 
+    :param plot: to draw.
+    :return: the element, the same for the same plot.
     :raises InputError: matplotlib is not installed.
     """
     text = _saved(plot, "svg", {"Date": None, "Creator": None}).decode()
@@ -57,7 +61,7 @@ def _saved(plot: Plot, kind: str, metadata: dict[str, Any]) -> bytes:
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
     except ImportError as error:
-        raise InputError("curves need matplotlib; allowed: pip install 'wearable-haptics[report]'") from error
+        raise InputError("plots need matplotlib; install with: pip install 'wearable-haptics[report]'") from error
     style: Any = {
         **matplotlib.rcParamsDefault,
         **_STYLE,

@@ -15,7 +15,12 @@ from rigs.result import Plot
 
 @dataclass(frozen=True)
 class Table:
-    """A table: column heads, and rows of the same length. A cell is shown as text."""
+    """A table of text.
+
+    :param title: above it.
+    :param head: names of the columns.
+    :param rows: cells, each row as long as ``head``; None is shown as a dash.
+    """
 
     title: str
     head: Sequence[str]
@@ -24,7 +29,11 @@ class Table:
 
 @dataclass(frozen=True)
 class Picture:
-    """A PNG picture and what it shows."""
+    """A PNG picture and what it shows.
+
+    :param caption: what it shows.
+    :param png: the file's bytes.
+    """
 
     caption: str
     png: bytes
@@ -37,7 +46,15 @@ class Picture:
 
 @dataclass(frozen=True)
 class Block:
-    """One part of a page: a heading, sentences, warnings, tables, curves, pictures."""
+    """One part of a page, shown in the order of the fields.
+
+    :param title: heading.
+    :param text: paragraphs.
+    :param warnings: shown apart, in red.
+    :param tables: may be empty.
+    :param plots: curves; may be empty.
+    :param pictures: may be empty.
+    """
 
     title: str
     text: Sequence[str] = ()
@@ -49,7 +66,13 @@ class Block:
 
 @dataclass(frozen=True)
 class Page:
-    """A page: title, a sentence under it, blocks, and what it was made with."""
+    """One page.
+
+    :param title: heading and title of the window.
+    :param summary: a sentence below it.
+    :param blocks: parts, in their order.
+    :param provenance: what it was made with, for the foot of the page.
+    """
 
     title: str
     summary: str
@@ -60,12 +83,14 @@ class Page:
 def render_page(page: Page) -> str:
     """The page as HTML.
 
+    :param page: to render.
+    :return: one HTML file that fetches nothing.
     :raises InputError: jinja2 or matplotlib is not installed.
     """
     try:
         from jinja2 import Environment, StrictUndefined
     except ImportError as error:
-        raise InputError("pages need jinja2; allowed: pip install 'wearable-haptics[report]'") from error
+        raise InputError("pages need jinja2; install with: pip install 'wearable-haptics[report]'") from error
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     template = environment.from_string(files("rigs.report").joinpath("page.html").read_text(encoding="utf-8"))
     figures = {plot.name: svg_text(plot) for block in page.blocks for plot in block.plots}

@@ -12,7 +12,12 @@ _PUBLISHED_S = 0.1
 
 
 def response_plots(fit: ResponseFit, name: str) -> tuple[Plot, ...]:
-    """Grip and release, as shares of the force, with the published bound of 100 ms (thesis 4.7.3)."""
+    """Grip and release, as shares of the force, with the published bound of 100 ms (thesis 4.7.3).
+
+    :param fit: of all steps.
+    :param name: of the rig, the first word of each plot's name.
+    :return: rise, then fall.
+    """
     grip = _edge(f"{name}-grip", "0 to 1500 V", fit.rise, ((fit.begun, LOW), (fit.response, HIGH)))
     return grip, _edge(f"{name}-release", "1500 V to 0", fit.fall, ((fit.release, LOW),))
 

@@ -6,8 +6,8 @@ Wiring: as for the pull rig, strips clamped short, so that the frame loads faste
 the drive has 1 Hz, and is off again before the first one.
 
 Steps: one slow pull with volts on, which shows how fast the frame loads; then ten times: the stage pulls the free strips along at
-50 mm/s, volts on for 0.12 s, volts off, on to the end of the way, home. Each time the step lies elsewhere between two samples of
-the load cell, so that all together show the edges ten times as finely.
+50 mm/s, volts on for 0.12 s, volts off, on to the end of the travel, home. Each time the step lies elsewhere between two samples
+of the load cell, so that all together show the edges ten times as finely.
 
 Safe-off: on every exit the stage stops first, then volts drop and the board is disarmed; a force beyond the load cell's full
 scale stops the stage.
@@ -31,9 +31,9 @@ PUBLISHED = {"response_s": Answer("response_time"), "release_s": Answer("respons
 """Quantity here, number of the reference it answers."""
 VOLTS, DRIVE_HZ = 1500.0, 1.0
 STEPS = 10
-WAY_M = 20e-3
+TRAVEL_M = 20e-3
 PULL_M_S = 50e-3
-LOADING_M_S, LOADING_WAY_M = 10e-3, 4e-3
+LOADING_M_S, LOADING_TRAVEL_M = 10e-3, 4e-3
 BACK_M_S = 20e-3
 REST_S = 0.5
 BEFORE_S, HELD_S = 0.13, 0.12
@@ -52,7 +52,7 @@ MEASUREMENTS = {
     "noise_n": Measurement("noise_n", "N", 0.0, 0.02, "noise of the load cell at rest"),
     "rate_hz": Measurement("rate_hz", "Hz", 300.0, 1e4, "samples a second; fewer do not show the edge"),
     "loading_n_s": Measurement("loading_n_s", "N/s", 1500.0, 1e7, "how fast the frame loads held strips; less: it is the limit"),
-    "force_n": Measurement("force_n", "N", 1.0, 45.0, "greatest force of a step"),
+    "force_n": Measurement("force_n", "N", 1.0, 45.0, "maximum force of a step"),
     "scatter_s": Measurement("scatter_s", "s", 0.0, 2e-3, "scatter of single steps about the common edge"),
 }
 
@@ -60,6 +60,8 @@ MEASUREMENTS = {
 def run(options: BenchOptions) -> RigResult:
     """Run the rig on one brake, output ``options.channel``.
 
+    :param options: where it runs; ``channel`` is the output.
+    :return: quantities, or faults.
     :raises HapticsError: the board or an instrument cannot be used; the board is off then.
     """
     channel = options.channel
@@ -87,7 +89,12 @@ def run(options: BenchOptions) -> RigResult:
 
 
 def evaluate(record: ResponseRecord, overlap_m2: float) -> RigResult:
-    """Faults, or times, from what was recorded. :param overlap_m2: what the strips should overlap."""
+    """Faults, or times, from what was recorded.
+
+    :param record: of a whole run.
+    :param overlap_m2: what the strips should overlap.
+    :return: quantities, or faults.
+    """
     noise_n = noise_sd(record.raw(*record.rest_ns)[1])
     measured = [Measured(MEASUREMENTS["noise_n"], noise_n), Measured(MEASUREMENTS["rate_hz"], record.rate_hz)]
     faults = _faults(record, noise_n, overlap_m2)
@@ -109,7 +116,7 @@ def evaluate(record: ResponseRecord, overlap_m2: float) -> RigResult:
 
 
 def _let_polls_wander(bench: Bench) -> None:
-    """Look at the load cell at many phases of its samples: the one that is read soonest tells when samples are taken."""
+    """Look at the load cell at many phases of its samples: the one that is read soonest shows when samples are taken."""
     for k in range(100):
         bench.wait(3e-3 + 2e-3 * ((k * _GOLDEN) % 1.0))
 
@@ -119,9 +126,9 @@ def _rest(bench: Bench) -> int:
     return bench.now_ns
 
 
-def _home(bench: Bench, way_m: float) -> None:
+def _home(bench: Bench, travel_m: float) -> None:
     bench.wait(0.2)
-    bench.move(-way_m, BACK_M_S)
+    bench.move(-travel_m, BACK_M_S)
     bench.settle()
 
 
@@ -130,12 +137,12 @@ def _load(bench: Bench) -> tuple[int, int]:
     bench.engage(bench.options.channel, VOLTS, DRIVE_HZ)
     bench.wait(0.3)  # past the first reversal, before the second
     moved_ns = bench.now_ns
-    bench.move(LOADING_WAY_M, LOADING_M_S)
+    bench.move(LOADING_TRAVEL_M, LOADING_M_S)
     bench.wait(0.43)
     ended_ns = bench.now_ns
     bench.release(bench.options.channel)
     bench.settle()
-    _home(bench, LOADING_WAY_M)
+    _home(bench, LOADING_TRAVEL_M)
     return moved_ns, ended_ns
 
 
@@ -145,14 +152,14 @@ def _step(bench: Bench) -> Step:
     rest_ns = bench.now_ns
     bench.wait(0.1 + _GOLDEN * period_s)
     moved_ns = bench.now_ns
-    bench.move(WAY_M, PULL_M_S)
+    bench.move(TRAVEL_M, PULL_M_S)
     bench.wait(BEFORE_S)
     on_ns = bench.engage(bench.options.channel, VOLTS, DRIVE_HZ)
     bench.wait(HELD_S)
     off_ns = bench.release(bench.options.channel)
     bench.settle()
     end_ns = bench.now_ns
-    _home(bench, WAY_M)
+    _home(bench, TRAVEL_M)
     return Step(rest_ns, moved_ns, on_ns, off_ns, end_ns)
 
 

@@ -1,4 +1,4 @@
-"""What can be wrong at the bench of the supply rig, told from the record: each with a word and what to do."""
+"""What can be wrong at the bench of the supply rig, seen in the record: each with a word and what to do."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from haptics.link.messages import State
 from haptics.time import NS_PER_MS
 from rigs.fitting import noise_sd
 from rigs.instruments import Samples
-from rigs.result import Fault
+from rigs.result import Fault, readable
 from rigs.supply.fit import Phase
 
 _SAME = (0.9, 1.1)
@@ -36,10 +36,18 @@ _BOARD = {
 
 @dataclass(frozen=True)
 class SupplyRun:
-    """What was recorded.
+    """What was recorded. Times are on the bench's clock.
 
-    ``rest_ns``: from when to when nothing was on. ``step``: what a count is worth, V and A. ``end_ns``: when the record ended.
-    ``saturated``: samples at the end of a range, by column. ``lost``: share of the samples that did not come.
+    :param channel: output that the probe is on.
+    :param rest_ns: start and end of the rest with nothing on, ns.
+    :param phases: stretches with volts on, in their order.
+    :param end_ns: end of the record, ns.
+    :param samples: of the probe, V and A.
+    :param telemetry: of the board: time (ns) and message.
+    :param load_ohm: resistance of the probe's divider, ohm.
+    :param step: value of one count, V and A.
+    :param saturated: samples at the end of a range, by column.
+    :param lost: share of the samples that did not come, 0 to 1.
     """
 
     channel: int
@@ -54,23 +62,35 @@ class SupplyRun:
     lost: float
 
     def said(self, phase: Phase) -> list[Any]:
-        """Telemetry from a phase."""
+        """Telemetry from a phase.
+
+        :param phase: one of ``phases``.
+        :return: messages that came during the phase.
+        """
         return [message for time_ns, message in self.telemetry if phase.start_ns < time_ns < phase.end_ns]
 
 
 def board_faults(faults: tuple[Fault, ...]) -> tuple[Fault, ...]:
-    """The board's own faults, with this rig's words for those that say something about brake or probe."""
+    """The board's own faults, with this rig's words for those that concern brake or probe.
+
+    :param faults: as the bench reports them.
+    :return: faults of brake and probe where there are some; others only without these.
+    """
     named: list[Fault] = []
     for fault in faults:
         words = [known for word, known in _BOARD.items() if f": {word}" in fault.why]
-        named.append(Fault(words[0][0], f"the board says {fault.why}; {words[0][1]}") if words else fault)
+        named.append(Fault(words[0][0], f"the board reports {fault.why}; {words[0][1]}") if words else fault)
     known = {fault.what: fault for fault in reversed(named) if fault.what != "board"}
-    # A board that latched says so again and refuses what comes after, which is nothing new.
+    # A latched board repeats its fault and refuses what comes after, which is nothing new.
     return tuple(known.values()) or tuple(named)
 
 
 def probe_faults(run: SupplyRun) -> tuple[Fault, ...]:
-    """What is wrong with probe or shunt, the likeliest only; empty for a sound bench."""
+    """What is wrong with probe or shunt, the likeliest only; empty for a sound bench.
+
+    :param run: so far; it need not be complete.
+    :return: at most one fault.
+    """
     samples = run.samples
     last_ns = samples.start_ns + round(float(samples.time_s[-1]) * 1e9)
     if run.end_ns - last_ns > _SILENT_NS:
@@ -80,14 +100,14 @@ def probe_faults(run: SupplyRun) -> tuple[Fault, ...]:
         return (
             Fault("probe_line", f"{100 * run.lost:.1f} % of the probe's samples did not come; is its line good, at 2 Mbaud?"),
         )
-    for column, name, count in (("volts_v", "volts", run.step[0]), ("supply_a", "current", run.step[1])):
+    for column, name, count, unit in (("volts_v", "volts", run.step[0], "V"), ("supply_a", "current", run.step[1], "A")):
         if run.saturated[column]:
-            greatest = float(np.max(np.abs(samples.column(0 if column == "volts_v" else 1))))
+            max_seen = float(np.max(np.abs(samples.column(0 if column == "volts_v" else 1))))
             return (
                 Fault(
                     "probe_saturated",
-                    f"{run.saturated[column]} samples of {name} stand at the end of the range, {greatest:.3g} "
-                    f"({count:.3g} a count); choose a wider range",
+                    f"{run.saturated[column]} samples of {name} stand at the end of the range, "
+                    f"{readable(max_seen, unit, 3)} ({readable(count, unit, 3)} a count); choose a wider range",
                 ),
             )
     rest = samples.since(run.rest_ns[0]) < (run.rest_ns[1] - run.rest_ns[0]) / 1e9
@@ -102,28 +122,28 @@ def probe_faults(run: SupplyRun) -> tuple[Fault, ...]:
 
 
 def _of_phase(run: SupplyRun, phase: Phase) -> Fault | None:
-    said = [message for message in run.said(phase) if message.state == State.DRIVING]
-    if not said:
+    messages = [message for message in run.said(phase) if message.state == State.DRIVING]
+    if not messages:
         return None
-    # Telemetry may meet a wave at the same phase each time: it tells the least, and what was asked for tells the most.
-    told_v = float(max(message.output[run.channel] for message in said))
-    told_f = 1e-12 * said[-1].capacitance[run.channel]
+    # Telemetry may meet a wave at the same phase each time: it gives the minimum, and the commanded volts the maximum.
+    board_v = float(max(message.output[run.channel] for message in messages))
+    board_f = 1e-12 * messages[-1].capacitance[run.channel]
     seconds = run.samples.since(phase.start_ns)
     lasting_s = (phase.end_ns - phase.start_ns) / 1e9
     low, high = np.searchsorted(seconds, [0.0, lasting_s])
     volts, amps = (run.samples.values[low:high, k] - np.median(run.samples.values[:200, k]) for k in (0, 1))
     seen_v = float(np.percentile(np.abs(volts), 95)) if len(volts) else 0.0
-    if not _SAME[0] * told_v < seen_v < _SAME[1] * max(told_v, phase.volts):
+    if not _SAME[0] * board_v < seen_v < _SAME[1] * max(board_v, phase.volts):
         return Fault(
             "probe_loose",
-            f"the probe reads {seen_v:.0f} V where the board has {told_v:.0f} V on output {run.channel}; "
+            f"the probe reads {seen_v:.0f} V where the board has {board_v:.0f} V on output {run.channel}; "
             "is its tip on, and on this output, and its ground?",
         )
     if float(np.mean(np.abs(volts) > 0.1 * phase.volts)) < _MIN_ON:
         return Fault("probe_loose", f"the probe's volts come and go at {phase.volts:.0f} V; press its tip on")
     swings = max(1.0, np.floor(2.0 * phase.frequency_hz * lasting_s))
     given_c = float(np.sum(amps)) * float(np.median(np.diff(seconds[:1000])))
-    share = given_c / (swings * told_f * phase.volts)
+    share = given_c / (swings * board_f * phase.volts)
     if share < -_MIN_CHARGE:
         return Fault("shunt_reversed", "the supply's current reads negative while it charges; swap the shunt's leads")
     if share < _MIN_CHARGE:

@@ -43,7 +43,15 @@ _STUDENT = {1: 6.48, 2: 2.20, 3: 1.62, 4: 1.42, 5: 1.31, 6: 1.25, 7: 1.21, 8: 1.
 
 @dataclass(frozen=True)
 class Phase:
-    """A stretch of the run with volts on the output. ``kind``: charge, power or travel; times are the bench's."""
+    """A stretch of the run with volts on the output.
+
+    :param kind: ``charge``, ``power`` or ``travel``.
+    :param volts: commanded, V.
+    :param frequency_hz: of the square wave, Hz.
+    :param start_ns: on the bench's clock, ns.
+    :param end_ns: on the bench's clock, ns.
+    :param travel_m: travel of the stage, m.
+    """
 
     kind: str
     volts: float
@@ -55,7 +63,12 @@ class Phase:
 
 @dataclass(frozen=True)
 class PowerPoint:
-    """Mean power at the supply's output under one square wave; ``steady_w``: what its charge would take at the full volts."""
+    """Mean power at the supply's output under one square wave.
+
+    :param phase: the stretch.
+    :param power_w: mean of v i, W.
+    :param sd_w: its standard deviation, W.
+    """
 
     phase: Phase
     power_w: float
@@ -65,20 +78,25 @@ class PowerPoint:
 
 
 def mean_of(values: Sequence[float] | Vector) -> tuple[float, float]:
-    """Mean, and its standard deviation from the spread of the values; wide enough for few of them."""
+    """Mean, and its standard deviation from the spread of the values; wide enough for few of them.
+
+    :param values: at least 2.
+    :return: mean and its standard deviation, in the unit of the values.
+    :raises InputError: fewer than 2 values.
+    """
     count = len(values)
     if count < 2:
-        raise InputError(f"{count} values have no spread; allowed: at least 2")
+        raise InputError(f"{count} values have no spread; at least 2 are needed")
     student = _STUDENT.get(count - 1, 1.0 + 1.4 / (count - 1))
     return float(np.mean(values)), student * float(np.std(values, ddof=1)) / math.sqrt(count)
 
 
 class SupplyFit:
-    """Everything a run says, computed when asked for.
+    """The evaluation of a run; each part is computed when it is first read.
 
     :param samples: of the probe. :param rest_ns: from when to when nothing was on. :param phases: in their order.
     :param load_ohm: of the probe. :param step: what a count is worth, V and A.
-    :raises InputError: too little was recorded to tell a quantity.
+    :raises InputError: too little was recorded for a quantity.
     """
 
     def __init__(
@@ -97,7 +115,11 @@ class SupplyFit:
         )
 
     def trace(self, phase: Phase) -> Trace:
-        """Samples of a phase, and of what follows it at once."""
+        """Samples of a phase, and of what follows it at once.
+
+        :param phase: one of ``phases``.
+        :return: its samples and 10 ms more.
+        """
         return cut(self._samples, phase.start_ns, phase.end_ns + _AFTER_NS, self.zero)
 
     # One charge after the other.
@@ -109,11 +131,14 @@ class SupplyFit:
 
     @property
     def asked_v(self) -> float:
+        """Commanded volts of the charges, V."""
         return next(phase.volts for phase in self.phases if phase.kind == "charge")
 
     def held(self, trace: Trace) -> slice:
         """Samples of a charge whose volts have settled.
 
+        :param trace: of a charge.
+        :return: range of samples.
         :raises InputError: fewer than 20.
         """
         height = trace.height
@@ -121,7 +146,7 @@ class SupplyFit:
         first, last = np.flatnonzero(height > high)[[0, -1]]
         start = int(np.searchsorted(trace.time_s, trace.time_s[first] + _HOLD_S))
         if last - start < 20:
-            raise InputError(f"volts were held for {last - start} samples beyond {_HOLD_S * 1e3:g} ms; allowed: at least 20")
+            raise InputError(f"volts were held for {last - start} samples beyond {_HOLD_S * 1e3:g} ms; at least 20 are needed")
         return slice(start, int(last) - 2)
 
     @cached_property
@@ -187,6 +212,7 @@ class SupplyFit:
 
     @property
     def output_ohm_sd(self) -> float:
+        """Standard deviation of the output's resistance without gains, ohm."""
         return self.losses.output_ohm * self.supply_decay.sd_s / self.supply_decay.tau_s
 
     # Capacitance.
@@ -208,7 +234,7 @@ class SupplyFit:
 
     @cached_property
     def travelled(self) -> list[tuple[float, float, float]]:
-        """Way of the stage, capacitance, and its sd without gains, for each stop."""
+        """Travel of the stage, capacitance, and its sd without gains, for each stop."""
         rows: list[tuple[float, float, float]] = []
         for phase in self.phases:
             if phase.kind == "travel":
@@ -219,18 +245,25 @@ class SupplyFit:
 
     @cached_property
     def overlap(self) -> OverlapFit | None:
-        """Capacitance against way, where a stage made some."""
+        """Capacitance against travel, where there was a stage."""
         return fit_overlap(self.travelled) if len(self.travelled) >= 4 else None
 
     # Times and power.
 
     def start_s(self, trace: Trace) -> float:
-        """When a charge began: its ramp carried back to 0 V."""
+        """When a charge began: its ramp carried back to 0 V.
+
+        :param trace: of a charge.
+        :return: time since the charge was commanded, s.
+        """
         top_v = self.settled_v[0]
         return crossing_s(trace, self.held(trace).start, 0.0, (0.02 * top_v, 0.3 * top_v))
 
     def times_s(self) -> dict[str, tuple[float, float]]:
-        """To 90 % of the volts (``t90``), and from 10 to 80 % (``ramp``), without a probe: value and sd."""
+        """To 90 % of the volts (``t90``), and from 10 to 80 % (``ramp``), without a probe: value and sd.
+
+        :return: ``t90`` and ``ramp``, each in s with its standard deviation.
+        """
         top_v = self.settled_v[0]
         t90: list[float] = []
         between: list[float] = []

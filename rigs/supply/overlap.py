@@ -15,7 +15,14 @@ from rigs.fitting import Vector, least_squares_fit
 
 @dataclass(frozen=True)
 class OverlapFit:
-    """``C = whole_f - sensitivity max(0, x - slack)``: strips slide once the slack is out."""
+    """``C = whole_f - sensitivity max(0, x - slack)``: strips slide once the slack is out.
+
+    :param whole_f: capacitance at full overlap, F.
+    :param sensitivity_f_m: loss over travel, F/m.
+    :param sensitivity_sd: its standard deviation, F/m.
+    :param slack_m: travel before the strips slide, m.
+    :param reduced_chi2: of the line.
+    """
 
     whole_f: float
     sensitivity_f_m: float
@@ -26,13 +33,19 @@ class OverlapFit:
     """Between the first stop and the last."""
 
     def at(self, travel_m: Vector) -> Vector:
-        """Capacitance (n,) at some ways."""
+        """Capacitance at some travels.
+
+        :param travel_m: of the stage (n,), m.
+        :return: (n,), F.
+        """
         return self.whole_f - self.sensitivity_f_m * np.maximum(0.0, travel_m - self.slack_m)
 
 
 def fit_overlap(rows: Sequence[tuple[float, float, float]]) -> OverlapFit:
-    """The line, from way, capacitance and its sd at each stop.
+    """The line through all stops.
 
+    :param rows: travel (m), capacitance (F) and its standard deviation (F) at each stop, at least 4.
+    :return: the line.
     :raises InputError: too few stops.
     """
     travel_m, c_f, sd_f = (np.array(column) for column in zip(*rows, strict=True))

@@ -21,7 +21,13 @@ _PUBLISHED_POWER_W, _PUBLISHED_SD_W, _PUBLISHED_HZ = 0.057, 0.5e-3, 20.0  # half
 
 
 def supply_plots(fit: SupplyFit, record: SupplyRun, name: str) -> tuple[Plot, ...]:
-    """All of them; travel only where a stage made some."""
+    """All of them; travel only where a stage made some.
+
+    :param fit: of the run.
+    :param record: of the run.
+    :param name: of the rig, the first word of each plot's name.
+    :return: charge, power, and overlap where there was a stage.
+    """
     plots = [charge_plot(fit, name), power_plot(fit, name)]
     if fit.overlap is not None:
         plots.append(overlap_plot(fit, record, name))
@@ -29,7 +35,12 @@ def supply_plots(fit: SupplyFit, record: SupplyRun, name: str) -> tuple[Plot, ..
 
 
 def charge_plot(fit: SupplyFit, name: str) -> Plot:
-    """The first charge, with the current-limited ramp that the fitted values make, and what the thesis prints."""
+    """The first charge, with the current-limited ramp that the fitted values make, and what the thesis prints.
+
+    :param fit: of the run.
+    :param name: of the rig.
+    :return: volts over time.
+    """
     trace = fit.charges[0]
     last = fit.held(trace).stop
     top_v = fit.settled_v[0]
@@ -57,13 +68,22 @@ def charge_plot(fit: SupplyFit, name: str) -> Plot:
 
 
 def charging_volts(fit: SupplyFit, seconds: Vector) -> Vector:
-    """Volts (n,) at times after charging began, in closed form with the fitted values; 0 before."""
+    """Volts (n,) at times after charging began, in closed form with the fitted values; 0 before.
+
+    :param fit: of the run.
+    :param seconds: since the charge began (n,), s.
+    :return: (n,), V.
+    """
     charging = Charging(fit.settled_v[0], fit.capacitance_f[0], fit.losses.probe_s, fitted_drive(fit))
     return np.array([charging.charge(0.0, max(0.0, float(one))).u_v for one in seconds])
 
 
 def fitted_drive(fit: SupplyFit) -> DriveParameters:
-    """Supply and bridge as measured; the stray capacitance is in the output's."""
+    """Supply and bridge as measured; the stray capacitance is in the output's.
+
+    :param fit: of the run.
+    :return: parameters for the models of charging.
+    """
     losses = fit.losses
     return DRIVE.with_values(
         supply_current_a=fit.limit_a[0],
@@ -74,7 +94,12 @@ def fitted_drive(fit: SupplyFit) -> DriveParameters:
 
 
 def power_plot(fit: SupplyFit, name: str) -> Plot:
-    """Power against frequency at the two highest volts, beside Eq 4.4 and what two charges a period take."""
+    """Power against frequency at the two highest volts, beside Eq 4.4 and what two charges a period take.
+
+    :param fit: of the run.
+    :param name: of the rig.
+    :return: power over frequency.
+    """
     drawn: list[Series] = []
     tall = sorted({point.phase.volts for point in fit.powers if point.phase.volts >= 0.6 * fit.asked_v}, reverse=True)
     c_f = fit.capacitance_f[0]
@@ -102,11 +127,17 @@ def power_plot(fit: SupplyFit, name: str) -> Plot:
 
 
 def overlap_plot(fit: SupplyFit, record: SupplyRun, name: str) -> Plot:
-    """Capacitance against travel: ramps, the board's own telemetry, and the derived slope."""
+    """Capacitance against travel: ramps, the board's own telemetry, and the derived slope.
+
+    :param fit: of the run, with an overlap.
+    :param record: of the run.
+    :param name: of the rig.
+    :return: capacitance over travel.
+    """
     assert fit.overlap is not None
     travel_m, c_f, sd_f = (np.array(column) for column in zip(*fit.travelled, strict=True))
     stops = [phase for phase in fit.phases if phase.kind == "travel"]
-    told_pf = [float(np.median([message.capacitance[record.channel] for message in record.said(phase)])) for phase in stops]
+    board_pf = [float(np.median([message.capacitance[record.channel] for message in record.said(phase)])) for phase in stops]
     line_f = fit.overlap.at(travel_m)
     derived_f = fit.overlap.whole_f - overlap_sensitivity_f_per_m() * np.maximum(0.0, travel_m - fit.overlap.slack_m)
     return Plot(
@@ -116,7 +147,7 @@ def overlap_plot(fit: SupplyFit, record: SupplyRun, name: str) -> Plot:
         y_label="capacitance (pF)",
         series=(
             series("measured by ramps, stray included", "measured", 1e3 * travel_m, 1e12 * c_f, 2e12 * sd_f),
-            series("told by the board, stray taken off", "measured", 1e3 * travel_m, told_pf),
+            series("reported by the board, stray taken off", "measured", 1e3 * travel_m, board_pf),
             series("fit", "fit", 1e3 * travel_m, 1e12 * line_f),
             series("derived: 23.2 pF/mm", "published", 1e3 * travel_m, 1e12 * derived_f),
         ),

@@ -1,4 +1,4 @@
-"""What the supply rig says in the end: quantities, with the gains of probe and stage in their uncertainties."""
+"""What the supply rig reports: quantities, with the gains of probe and stage in their uncertainties."""
 
 from __future__ import annotations
 
@@ -13,7 +13,11 @@ from rigs.supply.fit import DISCHARGED_V, SupplyFit
 
 
 def supply_quantities(fit: SupplyFit) -> dict[str, Quantity]:
-    """All of them, with gains of the probe in their uncertainties."""
+    """All of them, with gains of the probe in their uncertainties.
+
+    :param fit: of the run.
+    :return: by name, in SI units; what could not be resolved is left out.
+    """
     settled_v, settled_sd = fit.settled_v
     limit_a, limit_sd = fit.limit_a
     c_f, c_sd, _ = fit.capacitance_f

@@ -60,7 +60,7 @@ _TRAVEL_SHARE, _TRAVEL_RAMP_S, _TRAVEL_S = 1.0 / 3.0, 1.5e-3, 0.16
 _TRAVEL_HZ = (50.0, 20.0, 10.0)
 _EMPTY_S = 30e-3
 _LET_GO_S = 0.2  # the force stays for a while after the volts have gone
-_STRAY_F = 0.3e-9  # beside what the board tells, and some to spare
+_STRAY_F = 0.3e-9  # beside what the board reports, and some to spare
 _FULL_SHARE = 0.97
 _LEAD_NS = 2_000_000
 _GOLDEN = 0.6180339887498949
@@ -71,7 +71,7 @@ MEASUREMENTS = {
     "reduced_chi2": Measurement("reduced_chi2", "1", 0.0, 2.0, "volts are a line over charge: a capacitor"),
     "volts_reached": Measurement("volts_reached", "1", 0.95, 1.05, "volts reached over volts asked for; the guard trips at 1.05"),
     "discharged_s": Measurement("discharged_s", "s", 0.0, 5e-3, "from full volts to below 60 V; the board's own limit is 5 ms"),
-    "lost_f": Measurement("lost_f", "F", 20e-12, 5e-9, "capacitance that the stage's way took; strips of 1 cm: 210 pF"),
+    "lost_f": Measurement("lost_f", "F", 20e-12, 5e-9, "capacitance lost over the stage's travel; strips of 1 cm: 210 pF"),
     "travel_chi2": Measurement("travel_chi2", "1", 0.0, 10.0, "capacitance is a line over travel once the slack is out"),
     "supply_limit_a": Measurement("supply_limit_a", "A", 0.0, 550e-6, "current while the supply limits; the guard's threshold"),
 }
@@ -80,6 +80,8 @@ MEASUREMENTS = {
 def run(options: BenchOptions) -> RigResult:
     """Run the rig on one output, ``options.channel``. The stage is left out on hardware that has none.
 
+    :param options: where it runs; ``channel`` is the output.
+    :return: quantities, or faults.
     :raises HapticsError: board or probe cannot be used; the board is off then.
     """
     simulated = is_simulated(options.board_url(BOARD))
@@ -104,8 +106,8 @@ def run(options: BenchOptions) -> RigResult:
             step(bench, phases)
             faults = board_faults(bench.faults()) or probe_faults(_record(bench, (rest_ns, rested_ns), phases))
             if not faults and Stage in instruments and bench.stage.refusals:
-                said = ", ".join(bench.stage.refusals)
-                faults = (Fault("stage_refuses", f"the stage says {said}; home or unlock it, and look at its limits"),)
+                refused = ", ".join(bench.stage.refusals)
+                faults = (Fault("stage_refuses", f"the stage answers {refused}; home or unlock it, and check its limits"),)
             if faults:
                 return RigResult(NAME, faults=faults)
         bench.disarm()
@@ -116,7 +118,9 @@ def run(options: BenchOptions) -> RigResult:
 def evaluate(record: SupplyRun) -> RigResult:
     """Faults, or the fit, from what was recorded.
 
-    :raises InputError: too little was recorded to tell a quantity.
+    :param record: of a whole run.
+    :return: quantities, or faults.
+    :raises InputError: too little was recorded for a quantity.
     """
     faults = probe_faults(record)
     if faults:
@@ -132,24 +136,24 @@ def evaluate(record: SupplyRun) -> RigResult:
     }
     measured = tuple(Measured(MEASUREMENTS[name], value) for name, value in seen.items())
     if not measured[2].within:
-        misfit = f"volts are no line over charge (reduced chi squared {measured[2].value:.1f})"
+        misfit = f"volts over charge are not a straight line (reduced chi squared {measured[2].value:.1f})"
         return RigResult(NAME, faults=(Fault("probe_loose", f"{misfit}; press tip and leads on"),), measured=measured)
     if fit.overlap is not None:
         of_travel = {"lost_f": fit.overlap.lost_f, "travel_chi2": fit.overlap.reduced_chi2}
         measured += tuple(Measured(MEASUREMENTS[name], value) for name, value in of_travel.items())
         if not all(one.within for one in measured[-2:]):
             return RigResult(NAME, faults=(_stage_fault(fit.overlap),), measured=measured)
-    told_f = record.said(record.phases[0])[-1].capacitance[record.channel] * 1e-12
+    board_f = record.said(record.phases[0])[-1].capacitance[record.channel] * 1e-12
     return RigResult(
         NAME,
         quantities=supply_quantities(fit),
         reduced_chi2=fit.capacitance_f[2],
         measured=measured,
         plots=supply_plots(fit, record, NAME),
-        notes=_notes(fit, told_f),
+        notes=_notes(fit, board_f),
         details={
             "waves": [_row(point) for point in fit.powers],
-            "board_capacitance_f": told_f,
+            "board_capacitance_f": board_f,
             "discharge_resolved": fit.discharge.resolved,
         },
     )
@@ -180,7 +184,7 @@ def _waves(bench: Bench, phases: list[Phase]) -> None:
 
 def _travel(bench: Bench, phases: list[Phase]) -> None:
     # Volts high enough for a ramp of some samples, whatever the capacitance.
-    ramp_v = _TRAVEL_RAMP_S * bench.link.identity.limits[1] * 1e-6 / (_told_f(bench) + _STRAY_F)
+    ramp_v = _TRAVEL_RAMP_S * bench.link.identity.limits[1] * 1e-6 / (_board_f(bench) + _STRAY_F)
     volts = round(min(_top_v(bench), max(_TRAVEL_SHARE * _top_v(bench), ramp_v)))
     frequency_hz = next((hertz for hertz in _TRAVEL_HZ if _can_make(bench, volts, hertz)), _TRAVEL_HZ[-1])
     at_m = 0.0
@@ -216,17 +220,17 @@ def _top_v(bench: Bench) -> float:
 def _can_make(bench: Bench, volts: float, frequency_hz: float) -> bool:
     """The supply swings the output fully, and the board allows it."""
     limits = bench.link.identity.limits
-    total_f = _told_f(bench) + _STRAY_F
+    total_f = _board_f(bench) + _STRAY_F
     charging_s = total_f * volts / (limits[1] * 1e-6)
     return charging_s < _FULL_SHARE * (0.5 / frequency_hz - clamp_time_s(frequency_hz))
 
 
-def _told_f(bench: Bench) -> float:
+def _board_f(bench: Bench) -> float:
     return 1e-12 * bench.telemetry[-1][1].capacitance[bench.options.channel]
 
 
 def _no_brake(bench: Bench) -> Fault | None:
-    if _told_f(bench) > 0.0:
+    if _board_f(bench) > 0.0:
         return None
     return Fault(
         "no_brake",
@@ -269,12 +273,12 @@ def _row(point: Any) -> dict[str, float]:
     }
 
 
-def _notes(fit: SupplyFit, told_f: float) -> tuple[str, ...]:
+def _notes(fit: SupplyFit, board_f: float) -> tuple[str, ...]:
     c_f = fit.capacitance_f[0]
     charge_s = c_f * fit.settled_v[0] / fit.limit_a[0]
     notes = [
         f"capacitance_f is all of the output, wiring and bridge included; the board, which takes 0.2 nF off for them, "
-        f"says {1e9 * told_f:.3f} nF.",
+        f"reports {1e9 * board_f:.3f} nF.",
         f"C V / I is {1e3 * charge_s:.2f} ms; 4.7.1 prints 50 ms for it, which its own numbers do not give (7.6 ms).",
         "power is the mean of v i at the supply's output, which sags to the load while it charges; steady_power is what a supply "
         "at its set volts would give for the same charge, and Eq 4.4 counts one charge a period where the bridge makes two.",
@@ -282,7 +286,7 @@ def _notes(fit: SupplyFit, told_f: float) -> tuple[str, ...]:
     if not fit.discharge.resolved:
         notes.append(f"the discharge is faster than the probe: below 60 V within {1e6 * fit.discharged_within_s:.0f} us at most.")
     if fit.asked_v < TOP_V:
-        notes.append(f"this board allows {fit.asked_v:.0f} V; what is said of the highest volts is said of these.")
+        notes.append(f"this board allows {fit.asked_v:.0f} V; what is stated for the highest volts holds for these.")
     if not any(point.phase.frequency_hz == 20.0 and point.phase.volts == fit.asked_v for point in fit.powers):
         notes.append("the supply cannot swing this brake at 20 Hz and the highest volts; there is no power to compare.")
     if fit.overlap is None:

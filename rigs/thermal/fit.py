@@ -2,7 +2,7 @@
 
 ::
 
-    x' = (c P - x) / tau        rise of the actuator; P in every 20 ms as the pulses' measured energy says, of a cold coil
+    x' = (c P - x) / tau        rise of the actuator; P in every 20 ms by the pulses' measured energy, of a cold coil
     y' = (x - y) / lag          rise of the junction
     T  = T0 + d t + y           what is read; d is the room's drift
 
@@ -31,7 +31,11 @@ _SMOOTH_S = 2.0
 
 @dataclass(frozen=True)
 class HeatFit:
-    """The fit, and what it was made from."""
+    """The fit, and what it was made from.
+
+    :param fit: of ``tau_s, c_k_per_w, lag_s, room_c, drift_k_s``.
+    :param pulses: as they were played.
+    """
 
     fit: Fit
     pulses: PulseRecord
@@ -49,16 +53,18 @@ class HeatFit:
 
     @property
     def rate_hz(self) -> float:
-        """Switches a second, as they were told to come."""
+        """Commanded switches a second, Hz."""
         start_s = self.pulses.start_s
         return (len(start_s) - 1) / float(start_s[-1] - start_s[0])
 
     @property
     def lag_s(self) -> float:
+        """Lag of the thermocouple's junction, s."""
         return self.fit.value("lag_s")
 
     @property
     def reduced_chi2(self) -> float:
+        """Of the whole curve."""
         return self.fit.reduced_chi2
 
     @property
@@ -69,16 +75,23 @@ class HeatFit:
 
     @property
     def rise_reached_k(self) -> float:
-        """Greatest rise of the fitted curve above its beginning."""
+        """Maximum rise of the fitted curve above its beginning."""
         return float(self.model.max() - self.model[0])
 
     def worst_at_s(self, seconds: Vector) -> float:
-        """When the misfit, averaged over 5 s, is greatest."""
+        """When the misfit, averaged over 5 s, has its maximum.
+
+        :param seconds: of the samples (m,), s.
+        :return: time of the maximum misfit, s.
+        """
         smooth = np.convolve(self.fit.residuals, np.full(50, 0.02), "same")
         return float(seconds[int(np.argmax(np.abs(smooth)))])
 
     def quantities(self) -> dict[str, Quantity]:
-        """What the rig is for."""
+        """What the rig is for.
+
+        :return: by name; s, K, W and K/W.
+        """
         fit, power_w = self.fit, self.power_w
         c, taken = fit.value("c_k_per_w"), self.cold_w / self.warm_w
         rise_sd = quadrature((fit.sd("c_k_per_w") * power_w, c * power_w * GAIN_SD))
@@ -95,7 +108,10 @@ class HeatFit:
         }
 
     def notes(self) -> tuple[str, ...]:
-        """What a reader should know."""
+        """What a reader should know.
+
+        :return: sentences for the page.
+        """
         return (
             f"A pulse takes {self.cold_w:.2f} W when cold and {self.warm_w:.2f} W at the end of heating. c counts cold watts, as "
             f"the source does, c_taken those really taken; c_nominal divides by {NOMINAL_W:g} W whatever this coil's resistance.",
@@ -105,8 +121,11 @@ class HeatFit:
 def fit_heat(seconds: Vector, celsius: Vector, pulses: PulseRecord, noise_k: float) -> HeatFit:
     """Fit ``tau``, ``c``, the junction's lag, the room and its drift.
 
-    :param seconds: of the samples (n,). :param celsius: what was read (n,). :param pulses: on the same clock.
+    :param seconds: of the samples (n,).
+    :param celsius: what was read (n,).
+    :param pulses: on the same clock.
     :param noise_k: standard deviation of one sample.
+    :return: the fit, with standard deviations.
     :raises InputError: too little was recorded to fit.
     """
     from scipy.signal import lfilter

@@ -18,7 +18,15 @@ _DRAWN = 400
 
 
 def heat_plots(seconds: Vector, celsius: Vector, fit: HeatFit, record: ThermalRun, name: str) -> tuple[Plot, ...]:
-    """Heating and cooling (Fig 3.4), and the power that made it."""
+    """Heating and cooling (Fig 3.4), and the power that made it.
+
+    :param seconds: of the samples (m,), s.
+    :param celsius: what was read (m,), degrees Celsius.
+    :param fit: of the run.
+    :param record: of the run.
+    :param name: of the rig, the first word of each plot's name.
+    :return: temperature over time, and power of the pulses.
+    """
     some = np.linspace(0, len(seconds) - 1, _DRAWN).astype(int)
     drift = fit.fit.value("drift_k_s") * seconds
     heat_s = tuple((at_ns - record.start_ns) / 1e9 for at_ns in record.heat_ns)

@@ -10,7 +10,14 @@ from rigs.instruments import Samples
 
 @dataclass(frozen=True)
 class ThermalRun:
-    """What was recorded: ``start_ns`` of the rest, pulses as they were played, and temperatures."""
+    """What was recorded. Times are on the bench's clock.
+
+    :param start_ns: start of the rest, ns.
+    :param heat_ns: start and end of the heating, ns.
+    :param pulses: as they were played.
+    :param temperatures: as read, degrees Celsius.
+    :param thermocouple_faults: words that the thermocouple printed instead of values.
+    """
 
     start_ns: int
     heat_ns: tuple[int, int]

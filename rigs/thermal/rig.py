@@ -59,6 +59,8 @@ MEASUREMENTS = {
 def run(options: BenchOptions) -> RigResult:
     """Run the rig on one actuator, ``options.channel``.
 
+    :param options: where it runs; ``channel`` is the actuator's.
+    :return: quantities, or faults.
     :raises HapticsError: the board or thermocouple cannot be used, or it got too warm; the board is off then.
     """
     with Bench(BOARD, INSTRUMENTS, options, rig=NAME, plot=("thermocouple", "temperature_c")) as bench:
@@ -87,7 +89,9 @@ def run(options: BenchOptions) -> RigResult:
 def evaluate(record: ThermalRun, motion_shows: bool = True) -> RigResult:
     """Faults, or the fit, from what was recorded.
 
-    :param motion_shows: the current tells whether the pin moves; on a board simulated at level event it does not.
+    :param record: of a whole run.
+    :param motion_shows: the current shows whether the pin moves; on a board simulated at level event it does not.
+    :return: quantities, or faults.
     """
     seconds = record.temperatures.since(record.start_ns)
     celsius = record.temperatures.column()
@@ -128,7 +132,8 @@ def _heat(bench: Bench, base_c: float | None) -> tuple[int, int]:
         latest = thermocouple.latest()
         if base_c is not None and latest is not None and latest[0] - base_c > HOTTEST_K:
             raise LimitError(
-                f"{bench.options.board_url('tactiles')}: {latest[0] - base_c:.1f} K of rise; allowed: {HOTTEST_K:g} K"
+                f"{bench.options.board_url('tactiles')}: {latest[0] - base_c:.1f} K of rise, above the limit of {HOTTEST_K:g} K; "
+                "the board is off"
             )
 
     bench.watch = too_warm
@@ -163,7 +168,7 @@ def _faults_before_fit(measured: list[Measured], celsius: Vector, seconds: Vecto
     if not current.within:
         faults.append(
             Fault(
-                "coil", f"a pulse draws {current.value:.2f} A; allowed: 2 to 5 A. Is the coil connected, and the supply at 5 V?"
+                "coil", f"a pulse draws {current.value:.2f} A, expected 2 to 5 A. Is the coil connected, and the supply at 5 V?"
             )
         )
     dip = values.get("landing_dip")
@@ -188,7 +193,7 @@ def _faults_of_fit(measured: list[Measured], fit: HeatFit, seconds: Vector) -> l
         return [_loose(f"it lags by {fit.lag_s:.1f} s")]
     if not values["reduced_chi2"].within:
         at_s = fit.worst_at_s(seconds)
-        return [_loose(f"the curve is no first-order one (reduced chi squared {fit.reduced_chi2:.1f}, worst at {at_s:.0f} s)")]
+        return [_loose(f"the curve is not of first order (reduced chi squared {fit.reduced_chi2:.1f}, worst at {at_s:.0f} s)")]
     return []
 
 

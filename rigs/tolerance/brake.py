@@ -14,20 +14,24 @@ from haptics.physics.brake.system import BrakeSystem
 FREQUENCY_HZ = 20.0
 """Square wave of the glove (thesis 4.5.2)."""
 TIMED_FORCE_N = 10.0
-"""Commanded force at which times are taken: the most volts, so the longest charge."""
+"""Commanded force at which times are taken: the maximum volts, so the longest charge."""
 HAND_M_S = 0.1
 """Speed of a closing hand against the brake (assumed)."""
 FELT_N = 1.0
 """Tension that counts as felt (assumed)."""
 _HELD_S = 0.1
-"""Half way between two reversals of the wave: full volts when the brake is let go."""
+"""In the middle between two reversals of the wave: full volts when the brake is let go."""
 _FOLLOWED_S = 0.3
 
 
 @dataclass(frozen=True)
 class Times:
-    """From the drive's beginning until 90 % of the steady force can be held, and until a closing hand feels ``FELT_N``; from its
-    end until a tenth of what was held is left. All nan if it takes longer than 0.1 s (0.3 s for the release)."""
+    """Times of one brake. All are nan where it takes longer than 0.1 s (0.3 s for the release).
+
+    :param engage_s: from the drive's start until 90 % of the steady force can be held, s.
+    :param felt_s: from the drive's start until a closing hand feels ``FELT_N``, s.
+    :param release_s: from the drive's end until a tenth of the held force is left, s.
+    """
 
     engage_s: float
     felt_s: float
@@ -36,7 +40,12 @@ class Times:
 
 @lru_cache(maxsize=8)  # a host without calibration believes the same of every device
 def times(system: BrakeSystem, volts: float) -> Times:
-    """Of a brake driven with ``volts``, as they are made, for 0.1 s."""
+    """Of a brake driven with ``volts``, as they are made, for 0.1 s.
+
+    :param system: brake and drive.
+    :param volts: at the output, V.
+    :return: the three times.
+    """
     plant = brake_plant("lagged", system)
     plant.drive(0.0, 1, volts, FREQUENCY_HZ)
     held_n = []

@@ -4,7 +4,7 @@
 measured               the host uses it for                          where it goes today
 =====================  ============================================  =====================================================
 tau, c, power          the heat account of an actuator               ``glove.toml``, ``tactiles.calibration`` of the site
-travel each way        the lead with which a pin is sent             nowhere: ``session`` takes one lead for all actuators
+travel out and back    the lead with which a pin is sent             nowhere: ``session`` takes one lead for all actuators
 k, threshold           volts for a force                             a brake's own calibration in ``glove.toml``
 capacitance            how long a brake takes to close               nowhere yet
 =====================  ============================================  =====================================================
@@ -49,7 +49,13 @@ NOISES = 8
 
 @dataclass(frozen=True)
 class Host:
-    """What the host goes by. ``brake`` takes the volts that are set: the supply's gain is inside its constants."""
+    """What the host assumes of one device.
+
+    :param out_s: travel of the pin toward the skin, s.
+    :param back_s: travel back, s.
+    :param body: heat of the actuator.
+    :param brake: in set volts: the supply's gain is within its constants.
+    """
 
     out_s: float
     back_s: float
@@ -57,21 +63,31 @@ class Host:
     brake: BrakeSystem
 
     def volts_for(self, force_n: float) -> float:
-        """Volts to set for a force, by the law believed. The driver rounds them to whole volts, which is left out."""
+        """Volts to set for a force, by the law believed. The driver rounds them to whole volts, which is left out.
+
+        :param force_n: N, above the force without volts.
+        :return: V, not rounded.
+        """
         brake = self.brake
         return brake.laws[0].volts_for(force_n, brake.overlap_m2(0), brake.brake.thickness_m, extrapolate=True)
 
 
 @cache
 def published_host() -> Host:
-    """A host without any calibration: one model for every device, a pin without skin."""
+    """A host without any calibration: one model for every device, a pin without skin.
+
+    :return: the same for every device.
+    """
     return Host(travel_s("off-on"), travel_s("on-off"), Body(THERMAL, PULSE_POWER_W), BrakeSystem(laws=(INDEX_THRESHOLD,)))
 
 
 def calibrated_host(device: Device, bench: BenchUncertainty, noise: Sequence[float]) -> Host:
-    """A host that was told what a bench measured of this device, on the bench: pins without a skin, the brake in set volts.
+    """A host with what a bench measured of this device, on the bench: pins without a skin, the brake in set volts.
 
+    :param device: as it really is.
+    :param bench: uncertainty of what was measured.
     :param noise: ``NOISES`` standard normal numbers.
+    :return: what the host assumes then.
     """
     tau, c, power, k, threshold, capacitance, out, back = noise
     alone = pin(bare(device.latch), device.coil_supply_v)

@@ -34,28 +34,32 @@ def tolerance(
 
 
 def _show(report: ToleranceReport) -> None:
+    from rigs.result import readable
+
     print_table(
         f"{report.devices} devices, seed {report.seed}: what varies, by {report.spread:g} of the half widths",
-        ("parameter", "unit", "nominal", "+-", "drawn", "known", "by"),
+        ("parameter", "nominal", "+-", "drawn", "known", "by"),
         (
-            (p.name, p.unit, p.nominal, p.half_width, p.distribution, p.provenance, f"{p.section or ''} {p.source}".strip())
+            (
+                p.name,
+                readable(p.nominal, p.unit),
+                readable(p.half_width, p.unit),
+                p.distribution,
+                p.provenance,
+                f"{p.section or ''} {p.source}".strip(),
+            )
             for p in report.parameters
         ),
     )
     print_table(
         "what is off, before and after calibration",
-        ("quantity", "unit", "JND", "n", "mean", "sd", "2.5 %", "97.5 %", "worst", "beyond JND", "comes of"),
+        ("quantity", "JND", "n", "mean", "sd", "2.5 %", "97.5 %", "worst", "beyond JND", "comes of"),
         (
             (
                 f"{row.quantity}{when}",
-                row.unit,
-                row.jnd,
+                readable(row.jnd, row.unit),
                 found.n,
-                found.mean,
-                found.sd,
-                found.p2_5,
-                found.p97_5,
-                found.worst,
+                *(readable(one, row.unit, 3) for one in (found.mean, found.sd, found.p2_5, found.p97_5, found.worst)),
                 f"{100 * found.beyond_jnd:.1f} %",
                 ", ".join(f"{cause.parameter} {100 * cause.share:.0f} %" for cause in row.causes) if not when else "",
             )

@@ -1,4 +1,4 @@
-"""What varies from device to device, by how much, and who says so.
+"""What varies from device to device, by how much, and the source.
 
 Every ``+-`` is read as the half width of a uniform distribution, as the simulated boards read it; they draw the same coil
 resistance, tau, c, brake force, overlap and volts. If a stated ``+-`` was a standard deviation, the spread of what it causes is
@@ -25,12 +25,22 @@ from haptics.units import one_of
 MAX_SPREAD = 2.0
 """Of the half widths; every parameter keeps within what its model allows up to here."""
 SKIN_N_M = 300.0
-"""A fingertip under a pin (assumed, as ``LatchParameters.skin_stiffness_n_m`` says)."""
+"""A fingertip under a pin (assumed, as in ``LatchParameters.skin_stiffness_n_m``)."""
 
 
 @dataclass(frozen=True, slots=True)
 class Varied:
-    """One parameter: ``nominal`` +- ``half_width``, uniform. ``section``: of the thesis, or none for what is assumed."""
+    """One parameter that varies from device to device, uniformly by ``nominal +- half_width``.
+
+    :param name: of the parameter.
+    :param unit: of nominal and half width.
+    :param nominal: mean.
+    :param half_width: at a spread of 1.
+    :param distribution: ``uniform``.
+    :param provenance: of the half width.
+    :param section: of the thesis; None for what is assumed.
+    :param source: what it is and where it comes from.
+    """
 
     name: str
     unit: str
@@ -81,7 +91,11 @@ _LATCH = NAMES[: NAMES.index("coil_supply_v")]
 class Device:
     """One actuator and one brake as they really are.
 
-    :param coil_supply_v: at the coil. :param volts_gain: of the high-voltage supply, made over asked for.
+    :param coil_supply_v: at the coil.
+    :param volts_gain: of the high-voltage supply, made over asked for.
+    :param latch: of the actuator.
+    :param thermal: of the actuator.
+    :param brake: with its law.
     """
 
     latch: LatchParameters
@@ -95,6 +109,10 @@ def device(shifts: Sequence[float], spread: float = 1.0) -> Device:
     """The device whose parameters are ``nominal + spread * half_width * shift``, shifts in the order of ``VARIED``.
 
     Force gain is that of ``k`` in the threshold law; the few millinewton of a brake that is off stay as they are.
+
+    :param shifts: -1 to 1 for each of ``VARIED``.
+    :param spread: factor on the half widths, 0 to 2.
+    :return: actuator and brake.
     """
     value = {row.name: row.nominal + spread * row.half_width * shift for row, shift in zip(VARIED, shifts, strict=True)}
     law = ThresholdLaw(INDEX_THRESHOLD.k_n_v2 * value["force_gain"], value["threshold_v"])
@@ -120,6 +138,8 @@ NOMINAL_DEVICE = device([0.0] * len(VARIED))
 def checked_names(only: Sequence[str] | None) -> tuple[str, ...]:
     """``only`` if all of it varies, or everything that does.
 
+    :param only: names to check; None is all.
+    :return: the names, in the order given.
     :raises InputError: a name that does not vary.
     """
     return NAMES if only is None else tuple(one_of("only", name, NAMES) for name in only)

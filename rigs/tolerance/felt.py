@@ -26,9 +26,14 @@ FORCES_N = (1.0, 4.0, 10.0)
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """One thing that is felt. ``unit`` is that of its error, ``value_unit`` that of the thing itself.
+    """One thing that is felt.
 
-    ``jnd``: the just noticed error, in ``unit``; 0 where any is noticed. ``why``: what a calibration can do about it.
+    :param name: for people.
+    :param unit: of its error.
+    :param value_unit: of the thing itself.
+    :param jnd: just noticeable error, in ``unit``; 0 where any is noticed.
+    :param jnd_source: provenance and source of ``jnd``.
+    :param why: what a calibration can do about it.
     """
 
     name: str
@@ -61,11 +66,14 @@ def _force(force_n: float) -> Quantity:
 
 @cache
 def quantities() -> tuple[Quantity, ...]:
-    """All that is felt, in the order of ``felt``."""
+    """All that is felt, in the order of ``felt``.
+
+    :return: the same for every device.
+    """
     return (
         _notice("arrival on the skin", "ms", "ms", "arrival time", _LEAD),
         _notice("arrival back", "ms", "ms", "arrival time", _LEAD),
-        _notice("contact fails", "share", "share", "wrong final state", f"a pin that cannot hold cannot be told to; {_STRENGTH}"),
+        _notice("contact fails", "share", "share", "wrong final state", f"a pin that cannot hold cannot be made to; {_STRENGTH}"),
         _notice("impact on the skin", "%", "m/s", "impact speed", _STRENGTH),
         _notice("recoil of the release", "%", "g", "impact speed", _STRENGTH),
         _notice(f"warmth, {TWO_HERTZ.name}", "K", "K", "temperature", _HEAT),
@@ -85,14 +93,23 @@ def quantities() -> tuple[Quantity, ...]:
 
 @dataclass(frozen=True, slots=True)
 class Felt:
-    """``value`` in the quantity's ``value_unit``, ``error`` in its ``unit``; nan where there is nothing to feel."""
+    """One quantity of one device; nan where there is nothing to feel.
+
+    :param value: in the quantity's ``value_unit``.
+    :param error: in the quantity's ``unit``.
+    """
 
     value: float
     error: float
 
 
 def felt(device: Device, host: Host) -> tuple[Felt, ...]:
-    """Every quantity of one device under one host."""
+    """Every quantity of one device under one host.
+
+    :param device: as it really is.
+    :param host: what the host assumes of it.
+    :return: in the order of ``quantities``.
+    """
     own = pin(device.latch, device.coil_supply_v)
     body = Body(device.thermal, own.power_w)
     return (*_moved(device, host), *_warmed(body, host.body), *_braked(device, host))

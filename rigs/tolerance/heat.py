@@ -15,7 +15,12 @@ from haptics.physics.thermal.trains import GUARD, train_rise_k
 
 @dataclass(frozen=True, slots=True)
 class Train:
-    """``contacts`` of one switch out and one back, ``spacing_s`` between switches."""
+    """Contacts of one switch out and one back.
+
+    :param name: for people.
+    :param spacing_s: between switches, s.
+    :param contacts: in the train.
+    """
 
     name: str
     spacing_s: float
@@ -32,7 +37,11 @@ USE_PER_MIN = 44.0
 
 @dataclass(frozen=True)
 class Body:
-    """Heat of one actuator, as it is or as a host believes it is."""
+    """Heat of one actuator, as it is or as a host believes it is.
+
+    :param thermal: tau and c.
+    :param power_w: of the coil while it is on, W.
+    """
 
     thermal: ThermalParameters
     power_w: float
@@ -44,25 +53,45 @@ class Body:
 
 
 def peak_rise_k(train: Train, body: Body) -> float:
-    """Greatest rise if every switch is played: right after the last one."""
+    """Maximum rise if every switch is played: right after the last one.
+
+    :param train: to play.
+    :param body: that is heated.
+    :return: K.
+    """
     return train_rise_k(body.jump_k, train.spacing_s, 2 * train.contacts - 1, parameters=body.thermal)[0]
 
 
 def use_rise_k(body: Body) -> float:
-    """Greatest rise in steady use, ``J / (1 - exp(-spacing/tau))``."""
+    """Maximum rise in steady use, ``J / (1 - exp(-spacing/tau))``.
+
+    :param body: that is heated.
+    :return: K.
+    """
     return train_rise_k(body.jump_k, 60.0 / USE_PER_MIN, parameters=body.thermal)[0]
 
 
 @dataclass(frozen=True)
 class Played:
-    """How many contacts were admitted, and the greatest rise they really made."""
+    """One train as it was admitted.
+
+    :param contacts: that were admitted.
+    :param peak_k: maximum true rise, K.
+    """
 
     contacts: int
     peak_k: float
 
 
 def played(train: Train, real: Body, believed: Body, limit_k: float = DEFAULT_LIMIT_K) -> Played:
-    """The train as a host plays it that believes ``believed`` of an actuator that is ``real``."""
+    """The train as a host plays it that believes ``believed`` of an actuator that is ``real``.
+
+    :param train: to play.
+    :param real: the actuator.
+    :param believed: what the host's heat account assumes of it.
+    :param limit_k: of the account, K.
+    :return: contacts admitted, and the true rise.
+    """
     own_k, own_decay = real.jump_k, math.exp(-train.spacing_s / real.thermal.tau_s)
     host_k, host_decay = believed.jump_k, math.exp(-train.spacing_s / believed.thermal.tau_s)
     within_k = limit_k * (1 + GUARD)

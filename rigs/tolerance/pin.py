@@ -15,7 +15,13 @@ _REST_S = 0.3
 
 @dataclass(frozen=True)
 class Stroke:
-    """One pulse. ``arrival_s`` and ``impact_m_s`` (unsigned) at the far stop are nan if the pin does not stay there."""
+    """One pulse.
+
+    :param switched: the pin stays at the far stop.
+    :param arrival_s: at the far stop, from the pulse's start, s; nan if it does not stay there.
+    :param impact_m_s: speed there, unsigned, m/s; nan likewise.
+    :param energy_j: taken by the coil, J.
+    """
 
     switched: bool
     arrival_s: float
@@ -24,7 +30,13 @@ class Stroke:
 
 
 def stroke(direction: str, parameters: LatchParameters, volts: float) -> Stroke:
-    """The pin's answer to a contact pulse (``off-on``) or a release (``on-off``)."""
+    """The pin's answer to a contact pulse (``off-on``) or a release (``on-off``).
+
+    :param direction: ``off-on`` or ``on-off``.
+    :param parameters: of the actuator.
+    :param volts: at the coil, V, > 0.
+    :return: what the pin did.
+    """
     toward_skin = direction == "off-on"
     plant = latch_plant("dynamic", parameters, latched="off" if toward_skin else "on")
     plant.drive(0.0, volts if toward_skin else -volts)
@@ -39,7 +51,11 @@ def stroke(direction: str, parameters: LatchParameters, volts: float) -> Stroke:
 
 @dataclass(frozen=True)
 class Pin:
-    """``out`` toward the skin, ``back`` from it."""
+    """Both strokes of one actuator.
+
+    :param out: toward the skin.
+    :param back: from the skin.
+    """
 
     out: Stroke
     back: Stroke
@@ -51,11 +67,20 @@ class Pin:
 
 
 def pin(parameters: LatchParameters, volts: float) -> Pin:
-    """Both strokes of an actuator; from a stop that a pin cannot hold it does not come back either."""
+    """Both strokes of an actuator; from a stop that a pin cannot hold it does not come back either.
+
+    :param parameters: of the actuator.
+    :param volts: at the coil, V, > 0.
+    :return: both strokes.
+    """
     out, back = (stroke(direction, parameters, volts) for direction in DIRECTIONS)
     return Pin(out, back if out.switched else replace(back, switched=False, arrival_s=math.nan, impact_m_s=math.nan))
 
 
 def bare(parameters: LatchParameters) -> LatchParameters:
-    """The same actuator on a bench: no skin under its pin."""
+    """The same actuator on a bench: no skin under its pin.
+
+    :param parameters: of an actuator with skin.
+    :return: the same without.
+    """
     return parameters.with_values(skin_stiffness_n_m=0.0)

@@ -28,7 +28,15 @@ MAX_DEVICES = 1_000_000
 
 @dataclass(frozen=True)
 class ToleranceReport:
-    """What was drawn and what came of it. ``parameters`` are those that varied, each by ``spread`` times its half width."""
+    """What was drawn, and its consequences.
+
+    :param devices: how many.
+    :param seed: of all draws.
+    :param spread: factor on the half widths.
+    :param calibration: uncertainty of the bench.
+    :param parameters: those that varied, each by ``spread`` times its half width.
+    :param felt: one row for each quantity.
+    """
 
     devices: int
     seed: int
@@ -54,11 +62,15 @@ def tolerance_study(
     who computes which part. Without ``executor`` processes are started afresh (``spawn``), as many as there are cores; a script
     must then be importable (``if __name__ == "__main__"``). An interruption gives up what has not begun.
 
-    :param devices: 2 to a million. :param seed: 0 to 2^63. :param spread: of the half widths, 0 to 2.
+    :param devices: 2 to a million.
+    :param seed: 0 to 2^63.
+    :param spread: of the half widths, 0 to 2.
     :param calibration: what the bench's own reports are uncertain by.
-    :param only: names of the parameters that vary, all others nominal; everything if None. The same device draws the same
-        number for a parameter, whichever others vary.
-    :param executor: any; it is left open. :param progress: told how far it is.
+    :param only: names of the parameters that vary, all others nominal; everything if None. The same device draws the same number
+        for a parameter, whichever others vary.
+    :param executor: any; it is left open.
+    :param progress: called with the number of devices done.
+    :return: the same for the same arguments, whatever the executor.
     :raises InputError: a number outside its range, or a name that does not vary.
     """
     count = int(in_range("devices", devices, 2, MAX_DEVICES))
@@ -91,6 +103,8 @@ def tolerance_study(
 def process_pool(workers: int | None = None) -> AbstractContextManager[Executor]:
     """Fresh processes; None: one a core. They leave an interruption to the one who started them, who ends them then.
 
+    :param workers: 1 to 256; None starts one for each core.
+    :return: a context manager that ends the processes.
     :raises InputError: ``workers`` outside 1 to 256.
     """
     if workers is not None:
@@ -112,7 +126,14 @@ def _pool(workers: int | None) -> Iterator[Executor]:
 def play(
     seeds: Sequence[SeedSequence], spread: float, calibration: BenchUncertainty, names: tuple[str, ...]
 ) -> tuple[Floats, Floats, Floats]:
-    """One chunk: shifts (devices, parameters), and errors (devices, quantities) before and after calibration."""
+    """One chunk: shifts (devices, parameters), and errors (devices, quantities) before and after calibration.
+
+    :param seeds: one for each device.
+    :param spread: factor on the half widths.
+    :param calibration: uncertainty of the bench.
+    :param names: of the parameters that vary.
+    :return: shifts (devices, parameters), errors before and after calibration (devices, quantities).
+    """
     chosen = np.array([name in names for name in NAMES])
     shifts, before, after = [], [], []
     for seed in seeds:

@@ -20,10 +20,15 @@ _BY_CHANCE = 10.83
 
 @dataclass(frozen=True)
 class Spread:
-    """Errors of one quantity, in its unit. ``n``: devices that have one (a pin that fails does not arrive).
+    """Errors of one quantity over all devices, in its unit. All are nan if ``n`` is below 2.
 
-    ``sd`` is that of the sample (n - 1). ``worst`` is the error of greatest size. ``beyond_jnd``: share of the ``n`` whose error
-    is larger than one just noticeable difference. All nan if ``n`` is below 2.
+    :param n: devices that have the error (a pin that fails does not arrive).
+    :param mean: of the errors.
+    :param sd: of the sample, n - 1.
+    :param p2_5: 2.5th percentile.
+    :param p97_5: 97.5th percentile.
+    :param worst: the error of maximum magnitude, with its sign.
+    :param beyond_jnd: share of the ``n`` whose error exceeds one just noticeable difference.
     """
 
     n: int
@@ -37,7 +42,11 @@ class Spread:
 
 @dataclass(frozen=True)
 class Cause:
-    """A parameter, and the share of the error's variance (before calibration) that goes with it in a straight line."""
+    """A parameter behind an error.
+
+    :param parameter: its name.
+    :param share: of the error's variance before calibration that is linear in it, 0 to 1.
+    """
 
     parameter: str
     share: float
@@ -45,10 +54,20 @@ class Cause:
 
 @dataclass(frozen=True)
 class FeltRow:
-    """One quantity. ``nominal`` is its value at the nominal device, in ``nominal_unit``; errors are in ``unit``.
+    """One quantity over all devices.
 
-    ``removed_share``: ``1 - sd after / sd before``, negative if a calibration adds; None if there was no spread. ``causes``: the
-    largest that are not chance, largest first. What they leave is bent, or comes of several parameters together.
+    :param quantity: its name.
+    :param unit: of the errors.
+    :param nominal: value of the nominal device, in ``nominal_unit``.
+    :param nominal_unit: of the value.
+    :param jnd: just noticeable error, in ``unit``.
+    :param jnd_source: provenance and source of ``jnd``.
+    :param before: errors of a host without calibration.
+    :param after: errors of a calibrated host.
+    :param removed_share: ``1 - sd after / sd before``, negative if a calibration adds; None if there was no spread.
+    :param causes: the largest that are not chance, largest first; what they leave is nonlinear, or comes of several parameters
+        together.
+    :param why: what a calibration can do about it.
     """
 
     quantity: str
@@ -65,7 +84,15 @@ class FeltRow:
 
 
 def felt_row(quantity: Quantity, nominal: float, before: Floats, after: Floats, shifts: Mapping[str, Floats]) -> FeltRow:
-    """Summary of a quantity's errors (devices,), nan where a device has none. :param shifts: of each parameter, (devices,)."""
+    """Summary of a quantity's errors (devices,), nan where a device has none.
+
+    :param quantity: that is felt.
+    :param nominal: its value of the nominal device.
+    :param before: errors without calibration (devices,); nan where a device has none.
+    :param after: errors with calibration (devices,); nan likewise.
+    :param shifts: of each parameter, (devices,).
+    :return: the row.
+    """
     was, left = spread_of(before, quantity.jnd), spread_of(after, quantity.jnd)
     return FeltRow(
         quantity=quantity.name,
@@ -83,7 +110,12 @@ def felt_row(quantity: Quantity, nominal: float, before: Floats, after: Floats, 
 
 
 def spread_of(errors: Floats, jnd: float) -> Spread:
-    """Statistics of errors (devices,), those that are nan left out."""
+    """Statistics of errors (devices,), those that are nan left out.
+
+    :param errors: (devices,); nan where a device has none.
+    :param jnd: just noticeable error, in the same unit.
+    :return: statistics of the errors that are not nan.
+    """
     seen = errors[~np.isnan(errors)]
     if len(seen) < 2:
         return Spread(len(seen), *(math.nan,) * 6)
@@ -104,5 +136,5 @@ def _causes(errors: Floats, shifts: Mapping[str, Floats]) -> tuple[Cause, ...]:
     """Squared correlation with each parameter; these add up to one if the error is linear, for parameters are independent."""
     seen = ~np.isnan(errors)
     found = [Cause(name, float(np.corrcoef(errors[seen], shift[seen])[0, 1]) ** 2) for name, shift in shifts.items()]
-    told = [cause for cause in found if cause.share * seen.sum() > _BY_CHANCE]
-    return tuple(sorted(told, key=lambda cause: -cause.share)[:_CAUSES])
+    certain = [cause for cause in found if cause.share * seen.sum() > _BY_CHANCE]
+    return tuple(sorted(certain, key=lambda cause: -cause.share)[:_CAUSES])

@@ -16,7 +16,10 @@ EXPLAINED = {"predicted_charge_time": "time_to_charge"}
 
 
 def model_numbers() -> dict[str, tuple[Quantity, str]]:
-    """Value and where it comes from, by the id of the reference."""
+    """Value and where it comes from, by the id of the reference.
+
+    :return: quantity and its source, by id.
+    """
     plate = (BRAKE.overlap_m2, BRAKE.thickness_m, BRAKE.permittivity)
     capacity_f = capacitance_f(*plate)
     charge_s = capacity_f * MAX_VOLTS / DRIVE.supply_current_a

@@ -13,6 +13,7 @@ from rigs.judge import Judgement
 from rigs.reference import contradictions
 from rigs.report import Block, Page, render_page
 from rigs.report.page import Table
+from rigs.result import readable
 from rigs.validation.validate import Validation
 
 _FILES = ("validation.html", "validation.json")
@@ -21,6 +22,8 @@ _FILES = ("validation.html", "validation.json")
 def refuse_taken(out: Path, force: bool) -> None:
     """Make the folder, and refuse to write over what is there.
 
+    :param out: folder for page and data.
+    :param force: overwrite files that exist.
     :raises InputError: a file exists and ``force`` is not given, or no folder can be made.
     """
     make_folder(out)
@@ -30,6 +33,10 @@ def refuse_taken(out: Path, force: bool) -> None:
 def write_validation(found: Validation, out: Path, force: bool) -> list[Path]:
     """``validation.html`` and ``validation.json`` in a folder.
 
+    :param found: to write.
+    :param out: folder, made if need be.
+    :param force: overwrite files that exist.
+    :return: the page, then the data.
     :raises InputError: as ``refuse_taken``.
     """
     refuse_taken(out, force)
@@ -42,7 +49,11 @@ def write_validation(found: Validation, out: Path, force: bool) -> list[Path]:
 
 
 def validation_page(found: Validation) -> Page:
-    """The table, the curves of each rig, the judge, and where the source disagrees with itself."""
+    """The table, the curves of each rig, the judge, and where the source disagrees with itself.
+
+    :param found: to show.
+    :return: the page, not yet rendered.
+    """
     counts = Table("rows by role and verdict", ("role and verdict", "rows"), list(found.counts.items()))
     warnings = [f"{row.quantity}: {row.why}" for row in found.rows if row.fails]
     blocks = [Block("Published against ours", (), warnings, [counts, published_table(found.rows)])]
@@ -61,10 +72,19 @@ def validation_page(found: Validation) -> Page:
 
 
 def judge_table(judgements: Sequence[Judgement]) -> Table:
-    """What ngspice says, as a table."""
-    head = ("circuit", "quantity", "rms error", "worst error", "allowed", "unit", "verdict")
+    """The comparison with ngspice as a table.
+
+    :param judgements: of all cases.
+    :return: a line for each.
+    """
+    head = ("circuit", "quantity", "rms error", "worst error", "allowed", "verdict")
     rows = [
-        (one.case, one.quantity, one.error_rms, one.error_worst, one.allowed, one.unit, "agrees" if one.agrees else "differs")
+        (
+            one.case,
+            one.quantity,
+            *(readable(error, one.unit, 3) for error in (one.error_rms, one.error_worst, one.allowed)),
+            "agrees" if one.agrees else "differs",
+        )
         for one in judgements
     ]
     return Table("models against ngspice", head, rows)

@@ -1,7 +1,7 @@
 """Every rig against every published number that a device here can meet: one table, and what cannot be met, with why.
 
 Three kinds of rows. A *rig* measured it, on simulated or real devices. A *model* computes it from stated numbers, without any
-measurement. Nothing answers it, and the row says why. Rows whose number was used to set up the shipped plants are marked
+measurement. Nothing answers it, and the row states why. Rows whose number was used to set up the shipped plants are marked
 ``calibration``: they show that the plants are what they should be, and prove nothing.
 """
 
@@ -26,9 +26,11 @@ from rigs.validation.unanswered import UNANSWERED
 
 @dataclass(frozen=True)
 class Validation:
-    """All rows, what each rig found, and what the circuit simulator says of the electrical and thermal models.
+    """All rows, the results of each rig, and what the circuit simulator found of the electrical and thermal models.
 
-    ``judgements`` None: there is no ngspice on this machine.
+    :param rows: of rigs, models and unanswered numbers.
+    :param characterisations: one for each rig that was run.
+    :param judgements: None where ngspice is not installed.
     """
 
     rows: tuple[Row, ...]
@@ -51,7 +53,10 @@ class Validation:
         return dict(sorted(found.items()))
 
     def to_json(self) -> dict[str, Any]:
-        """Plain data."""
+        """Plain data.
+
+        :return: keys as ``haptics validate --json`` prints them.
+        """
         return {
             "rows": [row.to_json() for row in self.rows],
             "counts": self.counts,
@@ -71,8 +76,13 @@ def validate(
 ) -> Validation:
     """Run rigs on ``devices`` simulated devices each, seeds from ``options.seed`` on, and compare.
 
-    :param rigs: names of the rigs to run; rows of the others say that they were not.
-    :raises InputError: no such rig, or a port that is not simulated.
+    :param options: of the benches; ``record`` does not count.
+    :param devices: simulated devices for each rig, >= 1.
+    :param rigs: names of the rigs to run; rows of the others state that they were not run.
+    :param executor: what runs the rigs; a pool of processes if None.
+    :param progress: called with a line of text for each run.
+    :return: all rows, results and judgements.
+    :raises InputError: an unknown rig, or a port that is not simulated.
     :raises HapticsError: a bench failed.
     """
     chosen = [rig(name) for name in rigs]

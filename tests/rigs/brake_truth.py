@@ -112,7 +112,7 @@ class Bystander:
     def __init__(self, **keys: Any):
         self._world = f"bystander-{next(_worlds)}"
         self.url = url({"world": self._world, **keys})
-        self._port: Any = open_port(f"sim://probe?world={self._world}&clock=virtual")
+        self._port: Any = open_port(f"sim://probe?world={self._world}&clock=virtual&rate_hz=1")
 
     def __enter__(self) -> Bystander:
         return self

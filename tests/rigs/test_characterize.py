@@ -9,11 +9,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import shorter
+import typer
+from typer.testing import CliRunner
 
 from haptics.errors import InputError
 from haptics.recording import load
 from rigs.bench import BenchOptions
 from rigs.characterize import characterize
+from rigs.commands import characterize as characterize_command
 
 pytestmark = pytest.mark.xdist_group("characterize")
 
@@ -25,9 +29,15 @@ def haptics(*words: object) -> subprocess.CompletedProcess:
 
 @pytest.fixture(scope="module")
 def thermal(tmp_path_factory) -> tuple[dict, Path]:
+    """The command in this process, where the rig can be shorter."""
     out = tmp_path_factory.mktemp("thermal") / "bench"
-    done = haptics("characterize", "thermal", "--port", "sim://tactiles?tau_s=88", "--seed", 5, "--out", out, "--json")
-    assert done.returncode == 0, done.stderr
+    command = typer.Typer()
+    command.command()(characterize_command)
+    words = ["thermal", "--port", "sim://tactiles?tau_s=88", "--seed", "5", "--out", str(out), "--json"]
+    with pytest.MonkeyPatch.context() as patch:
+        shorter.thermal(patch.setattr, heat_s=150.0, cool_s=120.0)
+        done = CliRunner().invoke(command, words)
+    assert done.exit_code == 0, done.output
     return json.loads(done.stdout), out
 
 
@@ -71,32 +81,32 @@ def test_what_exists_is_not_overwritten_unless_forced(thermal):
 
 
 def test_a_fault_leaves_no_numbers_and_fails(tmp_path):
-    done = haptics("characterize", "thermal", "--thermocouple", "sim://thermocouple?open_at_s=30", "--out", tmp_path, "--json")
+    done = haptics("characterize", "response", "--loadcell", "sim://loadcell?full_scale_n=5", "--out", tmp_path, "--json")
     assert done.returncode == 1
     found = json.loads(done.stdout)
-    assert found["faults"][0]["what"] == "thermocouple_open"
-    assert found["tau_s"] is None
+    assert found["faults"][0]["what"] == "load_cell_off_scale"
+    assert found["response_s"] is None
     assert found["chi2_reduced"] is None
-    assert (tmp_path / "thermal.html").exists()
-    assert load(tmp_path / "thermal.h5").complete
+    assert (tmp_path / "response.html").exists()
+    assert load(tmp_path / "response.h5").complete
 
 
 def test_several_devices_give_mean_scatter_and_each_in_the_same_numbers_as_alone(tmp_path):
-    together = characterize("supply", BenchOptions(seed=20), devices=2, out=tmp_path / "two")
-    alone = [characterize("supply", BenchOptions(seed=20 + k)) for k in range(2)]
-    values = [one.quantities["supply_current_a"].value for one in alone]
-    assert [r.quantities["supply_current_a"].value for r in together.results] == values
-    assert together.quantities["supply_current_a"].value == pytest.approx(np.mean(values), rel=1e-12)
-    assert together.quantities["supply_current_a"].sd == pytest.approx(np.std(values, ddof=1), rel=1e-9)
+    together = characterize("response", BenchOptions(seed=20), devices=2, out=tmp_path / "two")
+    alone = [characterize("response", BenchOptions(seed=20 + k)) for k in range(2)]
+    values = [one.quantities["response_s"].value for one in alone]
+    assert [r.quantities["response_s"].value for r in together.results] == values
+    assert together.quantities["response_s"].value == pytest.approx(np.mean(values), rel=1e-12)
+    assert together.quantities["response_s"].sd == pytest.approx(np.std(values, ddof=1), rel=1e-9)
     assert len(together.to_json()["each"]) == 2
-    assert len(list((tmp_path / "two").glob("supply-*.h5"))) == 2
+    assert len(list((tmp_path / "two").glob("response-*.h5"))) == 2
 
 
 def test_the_same_seed_gives_the_same_bytes(tmp_path):
     pages = []
     for name in ("a", "b"):
-        characterize("supply", BenchOptions(seed=3, record=None), out=tmp_path / name)
-        pages.append([(tmp_path / name / one).read_bytes() for one in ("supply.html", "supply.h5", "supply-charge.png")])
+        characterize("response", BenchOptions(seed=3, record=None), out=tmp_path / name)
+        pages.append([(tmp_path / name / one).read_bytes() for one in ("response.html", "response.h5", "response-grip.png")])
     assert pages[0] == pages[1]
 
 

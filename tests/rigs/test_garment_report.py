@@ -19,7 +19,7 @@ from rigs.garments.table import CASES, TableOptions, make_rows
 from rigs.reference import curve
 
 # coarse meshes and much reinforcement: a few seconds
-QUICK = TableOptions(level="coarse", motions=("elbow_flexion", "crouch"), coverage=0.93)
+QUICK = TableOptions(level="coarse", motions=("elbow_flexion", "elbow_extension"), coverage=0.96)
 
 
 @pytest.fixture(scope="module")
@@ -45,7 +45,7 @@ def test_the_cases_are_the_published_rows():
 
 def test_published_numbers_and_ours_are_on_the_page(page, rows):
     text = page.read_text(encoding="utf-8")
-    for row, published in zip(rows, ("1.97", "2.32"), strict=True):
+    for row, published in zip(rows, ("1.97", "2.26"), strict=True):
         assert row.sound
         (cells,) = (
             re.findall(r"<td[^>]*>([^<]*)</td>", line)
@@ -143,7 +143,7 @@ def test_no_such_row():
 
 
 def test_the_command_says_what_is_on_the_page(rows, folder, capsys, monkeypatch):
-    words = ["haptics", "garment", "report", "--level", "coarse", "--motion", "elbow_flexion", "--coverage", "0.93"]
+    words = ["haptics", "garment", "report", "--level", "coarse", "--motion", "elbow_flexion", "--coverage", "0.96"]
     monkeypatch.setattr(sys, "argv", [*words, "--folder", str(folder), "--out", str(folder / "two.html"), "--json"])
     with pytest.raises(SystemExit) as stop:
         cli.main()

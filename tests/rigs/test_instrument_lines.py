@@ -49,7 +49,7 @@ def listen(monkeypatch):
     ("printed", "seen"),
     [
         (b"", "not one byte came"),
-        (b"\xf8\x80\x00\xff" * 8, "32 bytes came, but no line, beginning with b'\\xf8\\x80\\x00\\xff"),
+        (b"\xf8\x80\x00\xff" * 8, "32 bytes came without an end of line, beginning with b'\\xf8\\x80\\x00\\xff"),
         (b"ets Jan  8 2013\r\nInitializing... DONE.\r\nInternal Temp = 24.50\r\nC = 25.25\r\n", "'C = 25.25'; expected 'COUNT"),
         (b"25.25\r\n25.31\r\n", "'25.31'; expected 'COUNT TEMPERATURE_C', such as '7 25.5'"),
         (b"7 25,2500\r\n8 25,3125\r\n", "'8 25,3125' (a decimal comma?"),
@@ -73,7 +73,7 @@ def test_lines_that_are_no_samples_are_quoted_and_silence_is_called_silence(list
 def test_samples_without_a_header_and_a_header_without_samples_are_told_apart(listen):
     assert "does not answer '?'" in listen(b"7 25.25\r\n").seen()
     said = listen(HEADER + b"twenty-five\r\n").seen()
-    assert "says what it is" in said
+    assert "identifies itself" in said
     assert "'twenty-five'" in said
 
 
@@ -94,5 +94,5 @@ def test_a_stage_that_speaks_something_else_is_quoted(listen):
 
 
 def test_the_wrong_instrument_is_quoted_too(listen):
-    with pytest.raises(ValueError, match=r"is a loadcell \(it says '# loadcell rate_hz=80'\); wanted here: a thermocouple"):
+    with pytest.raises(ValueError, match=r"is a loadcell \(it prints '# loadcell rate_hz=80'\); expected a thermocouple"):
         listen(b"# loadcell rate_hz=80\r\n")

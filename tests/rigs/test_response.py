@@ -7,6 +7,7 @@ from multiprocessing import get_context
 
 import numpy as np
 import pytest
+import shorter
 from brake_truth import Bystander, true_brake, url
 
 from haptics.physics.brake.pull import pull as reference_pull
@@ -24,6 +25,12 @@ ASKED = (
 )
 ACCEL_M_S2 = 0.5
 """Of the simulated stage."""
+
+
+@pytest.fixture
+def few_steps(monkeypatch):
+    """Half of them: enough for every fault."""
+    shorter.response(monkeypatch.setattr)
 
 
 def off_by(keys: dict, seed: int) -> dict[str, float]:
@@ -75,6 +82,7 @@ def test_a_level_is_passed_when_an_exact_edge_passes_it():
     assert found.sd_s < 0.1e-3  # a noise of 1e-3 over a slope of 25 a second is 40 us
 
 
+@pytest.mark.usefixtures("few_steps")
 @pytest.mark.parametrize(
     ("board", "instruments", "what"),
     [

@@ -32,7 +32,13 @@ _THERMAL_V = 0.025865
 
 @dataclass(frozen=True)
 class BrakeCase:
-    """One run. ``repeats``: its last half period is the one that repeats itself, whose closed form is judged too."""
+    """One run of the brake's drive, to be judged.
+
+    :param name: for people.
+    :param run: what is driven, and how.
+    :param repeats: the last half period repeats, and its closed form is judged too.
+    :param quick: among the few cases of a quick judgement.
+    """
 
     name: str
     run: BrakeRun
@@ -40,11 +46,19 @@ class BrakeCase:
     quick: bool = False
 
     def judged(self) -> list[Judgement]:
-        """Run it and compare."""
+        """Run it and compare.
+
+        :return: one judgement for each quantity.
+        :raises HapticsError: ngspice is not installed, or failed.
+        """
         return self.compared(simulate(brake_netlist(self.run)))
 
     def compared(self, saved: Saved) -> list[Judgement]:
-        """The models of this run against what a simulator saved."""
+        """The models of this run against what a simulator saved.
+
+        :param saved: of a run of ``brake_netlist``.
+        :return: one judgement for each quantity.
+        """
         run, time_s = self.run, saved["time"]
         volts, ours = saved["v(load)"] - saved["v(b)"], followed(run, time_s)
         times, charge_c = running_integral(time_s, saved["i(vmeter)"])
@@ -94,12 +108,16 @@ def volts_apart(run: BrakeRun, points: int) -> dict[str, float]:
     """What may separate the volts, each from a choice of the netlist (or, last, of the model).
 
     - on: the switches lengthen ``R C`` by ``d = 2 R_on/R``; of an exponential that is at most ``d/e`` of its swing.
-    - edges: half an edge, at the greatest slope.
+    - edges: half an edge, at the maximum slope.
     - diodes: each drop from none to that at full current.
     - steps: the simulator's tolerance of a step, times the steps of a half period.
     - off: what the open switches let through in a half period.
     - border: the model has the supply give nothing from ``V`` on up, where it gives part of the bleeder's current
       until ``V (1 + R/R_b)``; only a lowered setpoint leads there.
+
+    :param run: to be judged.
+    :param points: instants that the simulator saved.
+    :return: bound of each part by name, V.
     """
     drive, clamped = run.system.drive, run.system.reversal == "clamped"
     volts, r = run.max_v, drive.output_resistance_ohm
@@ -150,7 +168,10 @@ def _wave(
 
 
 def brake_cases() -> list[BrakeCase]:
-    """All cases of the brake's drive: volts, frequencies, reversals, loads, setpoints that change, and a reservoir."""
+    """All cases of the brake's drive: volts, frequencies, reversals, loads, setpoints that change, and a reservoir.
+
+    :return: the cases, quick ones among them.
+    """
     plain = BrakeSystem()
     return [
         *[

@@ -19,24 +19,41 @@ HELD = LATCH.with_values(thrust_n_a=0.0)
 
 
 def shared_volts(run: CoilRun) -> float:
-    """Terminal volts with all coils on and settled: ``V = V0 / (1 + Rs sum(1/R))``."""
+    """Terminal volts with all coils on and settled: ``V = V0 / (1 + Rs sum(1/R))``.
+
+    :param run: coils and supply.
+    :return: V.
+    """
     return run.volts / (1.0 + run.shared_ohm * sum(1.0 / coil.resistance_ohm for coil in run.coils))
 
 
 @dataclass(frozen=True)
 class CoilCase:
-    """One pulse. The model puts the settled volts on each coil at once; the simulator lets them sag as the currents rise."""
+    """One pulse. The model puts the settled volts on each coil at once; the simulator lets them sag as the currents rise.
+
+    :param name: for people.
+    :param run: coils, supply and pulse.
+    :param quick: among the few cases of a quick judgement.
+    """
 
     name: str
     run: CoilRun
     quick: bool = False
 
     def judged(self) -> list[Judgement]:
-        """Run it and compare."""
+        """Run it and compare.
+
+        :return: one judgement for each quantity.
+        :raises HapticsError: ngspice is not installed, or failed.
+        """
         return self.compared(simulate(coil_netlist(self.run)))
 
     def compared(self, saved: Saved) -> list[Judgement]:
-        """The models against what a simulator saved: volts, and of the coil that is furthest off current and energy."""
+        """The models against what a simulator saved: volts, and of the coil that is furthest off current and energy.
+
+        :param saved: of a run of ``coil_netlist``.
+        :return: settled volts, current, energy of a pulse.
+        """
         run, time_s, volts = self.run, saved["time"], shared_volts(self.run)
         before_off = int(np.searchsorted(time_s, run.on_s - run.transient.edge_s)) - 1
         # What the last instant before the edge has not settled yet, and what the switches take.
@@ -109,7 +126,10 @@ def _off(row: Judgement) -> float:
 
 
 def coil_cases() -> list[CoilCase]:
-    """One coil alone, one glove's coils at once, and three unlike coils. Pulses of 2 ms (thesis 3.4.5)."""
+    """One coil alone, one glove's coils at once, and three unlike coils. Pulses of 2 ms (thesis 3.4.5).
+
+    :return: the cases, quick ones among them.
+    """
     on_s, end_s = 2e-3, 2.2e-3
     unlike = [
         HELD.with_values(resistance_ohm=ohm, inductance_h=henry) for ohm, henry in ((1.28, 20e-6), (1.38, 30e-6), (1.48, 12e-6))

@@ -16,18 +16,31 @@ from rigs.judge.transient import RELATIVE_TOLERANCE
 
 @dataclass(frozen=True)
 class HeatCase:
-    """One course of power."""
+    """One course of power.
+
+    :param name: for people.
+    :param run: parameters and power over time.
+    :param quick: among the few cases of a quick judgement.
+    """
 
     name: str
     run: HeatRun
     quick: bool = False
 
     def judged(self) -> list[Judgement]:
-        """Run it and compare."""
+        """Run it and compare.
+
+        :return: one judgement for each node.
+        :raises HapticsError: ngspice is not installed, or failed.
+        """
         return self.compared(simulate(heat_netlist(self.run)))
 
     def compared(self, saved: Saved) -> list[Judgement]:
-        """The models against what a simulator saved, one row a node."""
+        """The models against what a simulator saved, one row a node.
+
+        :param saved: of a run of ``heat_netlist``.
+        :return: rise of the body, and of the coil where it is a node.
+        """
         run, time_s = self.run, saved["time"]
         body_k, coil_k = _followed(run, time_s)
         rows = [
@@ -77,7 +90,10 @@ def _followed(run: HeatRun, time_s: Floats) -> tuple[Floats, Floats | None]:
 
 
 def heat_cases() -> list[HeatCase]:
-    """Six minutes at 2 Hz and as long to cool (thesis 3.5.2), by mean power; and its first ten seconds, pulse by pulse."""
+    """Six minutes at 2 Hz and as long to cool (thesis 3.5.2), by mean power; and its first ten seconds, pulse by pulse.
+
+    :return: the cases, quick ones among them.
+    """
     hertz, heated_s = 2.0, 360.0
     mean = ((0.0, PULSE_ENERGY_J * hertz), (heated_s, 0.0))
     edges = [(k / hertz + late_s, watts) for k in range(20) for late_s, watts in ((0.0, PULSE_POWER_W), (PULSE_S, 0.0))]

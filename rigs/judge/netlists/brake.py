@@ -37,6 +37,11 @@ class BrakeRun:
 
     The wave goes on in phase through all setpoints; 0 Hz is constant voltage. All clutches of ``system`` are driven.
 
+    :param system: brake and drive; all its outputs are driven.
+    :param frequency_hz: of the square wave, Hz; 0 is constant voltage.
+    :param end_s: end of the run, 1 us to 1 h.
+    :param leaks_ohm: leak of each output, ohm; empty for none.
+    :param setpoints: from when (s) and volts (V), the first at 0 s.
     :raises InputError: setpoints not in order or not from 0 s on, leaks that do not match the outputs, or a number out of range.
     """
 
@@ -49,18 +54,17 @@ class BrakeRun:
     def __post_init__(self) -> None:
         times = [time for time, _ in self.setpoints]
         if not times or times[0] != 0.0 or times != sorted(set(times)):
-            raise InputError(f"setpoints at {times} s are not allowed; allowed: from 0 s on, each later than the one before")
+            raise InputError(f"setpoints at {times} s; expected the first at 0 s, each later than the one before")
         for _, volts in self.setpoints:
             in_range("volts", volts, 0.0, self.system.drive.supply_volts, "V")
         in_range("frequency_hz", self.frequency_hz, 0.0, self.system.drive.bridge_hz, "Hz")
         in_range("end_s", self.end_s, 1e-6, 3600.0, "s")
         if self.leaks_ohm and len(self.leaks_ohm) != self.system.outputs:
-            raise InputError(
-                f"{len(self.leaks_ohm)} leaks are not allowed; allowed: none, or {self.system.outputs}, one an output"
-            )
+            raise InputError(f"{len(self.leaks_ohm)} leaks given; expected none, or {self.system.outputs}, one for each output")
 
     @property
     def transient(self) -> Transient:
+        """How the simulator follows the run through time."""
         return Transient(self.end_s, min(LONGEST_STEP_S, self.end_s / 50.0))
 
     @property
@@ -70,11 +74,16 @@ class BrakeRun:
 
     @property
     def max_v(self) -> float:
+        """Maximum of the setpoints, V."""
         return max(volts for _, volts in self.setpoints)
 
 
 def brake_netlist(run: BrakeRun) -> str:
-    """The netlist of ``run``, from its ``system``'s parameters. It saves load, leg b, bus, set volts, supply currents."""
+    """The netlist of ``run``, from its ``system``'s parameters. It saves load, leg b, bus, set volts, supply currents.
+
+    :param run: to simulate.
+    :return: text of the netlist.
+    """
     system, drive = run.system, run.system.drive
     leg_a, leg_b = bridge_legs(run)
     full_c = max(1e-12, run.total_f * run.max_v)
@@ -110,6 +119,9 @@ def bridge_legs(run: BrakeRun) -> tuple[list[tuple[float, float]], list[tuple[fl
     """Controls of legs a and b as steps ``(from when, 1 up or 0 down)``: plus for a quarter period, then minus, plus and so on.
 
     Before each reversal but with direct reversal both are down, for the clamp time or a tenth of a half period if that is less.
+
+    :param run: its wave and clamp time.
+    :return: steps of leg a, and of leg b.
     """
     leg_a, leg_b = [(0.0, 1.0)], [(0.0, 0.0)]
     if run.frequency_hz == 0.0:

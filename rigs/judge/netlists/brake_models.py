@@ -1,4 +1,4 @@
-"""What this project's models say of a run of the brake, at given instants."""
+"""This project's models of a run of the brake, at given instants."""
 
 from __future__ import annotations
 
@@ -15,7 +15,13 @@ from rigs.judge.netlists.brake import BrakeRun
 
 
 class Followed(NamedTuple):
-    """Volts on the clutches and on the bus at each instant, and what the supply gave until the last."""
+    """A run of the brake as the models see it.
+
+    :param volts: on the clutches at each instant (n,), V.
+    :param bus: volts on the bus (n,), V.
+    :param charge_c: given by the supply until the last instant, C.
+    :param energy_j: likewise, J.
+    """
 
     volts: Floats
     bus: Floats
@@ -24,12 +30,21 @@ class Followed(NamedTuple):
 
 
 def followed(run: BrakeRun, time_s: Floats) -> Followed:
-    """The run by ``OutputStage``, or where a reservoir stands on the bus by its two capacitances."""
+    """The run by ``OutputStage``, or where a reservoir stands on the bus by its two capacitances.
+
+    :param run: to follow.
+    :param time_s: instants (n,), s, ascending.
+    :return: volts at each instant, charge and energy at the last.
+    """
     return _two_capacitances(run, time_s) if run.system.drive.reservoir_f else _stage(run, time_s)
 
 
 def repeating_half(run: BrakeRun) -> HalfPeriod:
-    """The half period that the run's last setpoint leads to."""
+    """The half period that the run's last setpoint leads to.
+
+    :param run: with a frequency above 0 Hz.
+    :return: its closed form.
+    """
     system = run.system
     driven_f = run.total_f - system.drive.stray_f
     leak_s = sum(1.0 / ohm for ohm in run.leaks_ohm)
@@ -59,7 +74,7 @@ def _two_capacitances(run: BrakeRun, time_s: Floats) -> Followed:
     """
     if len(run.setpoints) != 1 or run.frequency_hz == 0.0:
         raise InputError(
-            f"{len(run.setpoints)} setpoints at {run.frequency_hz:g} Hz are not allowed here; allowed: one, above 0 Hz"
+            f"{len(run.setpoints)} setpoints at {run.frequency_hz:g} Hz; a reservoir is judged with one setpoint, above 0 Hz"
         )
     drive, direct = run.system.drive, run.system.reversal == "direct"
     bus = Bus(

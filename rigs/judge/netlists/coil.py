@@ -27,6 +27,11 @@ SWITCH_ON_OHM, SWITCH_OFF_OHM = 1e-6, 1e9
 class CoilRun:
     """All ``coils`` switched on at 0 s, off at ``on_s``, and watched until ``end_s``; only their R and L count.
 
+    :param coils: at least one.
+    :param volts: of the supply without load, 1 mV to 1 kV.
+    :param shared_ohm: resistance that the coils share, 0 to 1 kohm.
+    :param on_s: length of the pulse, 1 us to 10 s.
+    :param end_s: end of the run, s, after ``on_s``.
     :raises InputError: no coil, or a number out of range.
     """
 
@@ -38,7 +43,7 @@ class CoilRun:
 
     def __post_init__(self) -> None:
         if not self.coils:
-            raise InputError("coils = 0 coils is not allowed; allowed: at least 1")
+            raise InputError("0 coils given; at least 1 is needed")
         in_range("volts", self.volts, 1e-3, 1e3, "V")
         in_range("shared_ohm", self.shared_ohm, 0.0, 1e3, "ohm")
         in_range("on_s", self.on_s, 1e-6, 10.0, "s")
@@ -46,11 +51,16 @@ class CoilRun:
 
     @property
     def transient(self) -> Transient:
+        """How the simulator follows the run through time."""
         return Transient(self.end_s, self.end_s / 200.0)
 
 
 def coil_netlist(run: CoilRun) -> str:
-    """The netlist of ``run``. It saves ``v(rail)`` and, for each coil k, its terminal ``v(tk)`` and current ``i(Vmeterk)``."""
+    """The netlist of ``run``. It saves ``v(rail)`` and, for each coil k, its terminal ``v(tk)`` and current ``i(Vmeterk)``.
+
+    :param run: to simulate.
+    :return: text of the netlist.
+    """
     coils = range(len(run.coils))
     flux = max(coil.inductance_h * run.volts / coil.resistance_ohm for coil in run.coils)
     lines = [

@@ -21,6 +21,10 @@ from rigs.judge.transient import Steps, Transient
 class HeatRun:
     """An actuator at the room's temperature, then power as a staircase ``(from when, W)``, the first at 0 s.
 
+    :param parameters: of one or two nodes.
+    :param powers: from when (s) and power (W), the first at 0 s.
+    :param end_s: end of the run, 1 us to 1e6 s.
+    :param longest_s: maximum step of the simulator, s, at most ``end_s``.
     :raises InputError: power that does not begin at 0 s, or a number out of range.
     """
 
@@ -31,17 +35,22 @@ class HeatRun:
 
     def __post_init__(self) -> None:
         if not self.powers or self.powers[0][0] != 0.0:
-            raise InputError("power that does not begin at 0 s is not allowed; allowed: a first stair at 0 s")
+            raise InputError("power does not begin at 0 s; expected the first stair at 0 s")
         in_range("end_s", self.end_s, 1e-6, 1e6, "s")
         in_range("longest_s", self.longest_s, 1e-9, self.end_s, "s")
 
     @property
     def transient(self) -> Transient:
+        """How the simulator follows the run through time."""
         return Transient(self.end_s, self.longest_s)
 
 
 def heat_netlist(run: HeatRun) -> str:
-    """The netlist of ``run``. It saves ``v(body)`` and, of two nodes, ``v(coil)``."""
+    """The netlist of ``run``. It saves ``v(body)`` and, of two nodes, ``v(coil)``.
+
+    :param run: to simulate.
+    :return: text of the netlist.
+    """
     p = run.parameters
     if isinstance(p, TwoNodeParameters):
         # The body's capacity is what is left of tau: the sum of the network's two time constants.
@@ -67,7 +76,11 @@ def heat_netlist(run: HeatRun) -> str:
 
 
 def full_heat_j(run: HeatRun) -> float:
-    """An upper bound of the heat that is stored at any time: what came in, or what the greatest power would hold for ever."""
+    """An upper bound of the heat that is stored at any time: what came in, or what the maximum power would hold in steady state.
+
+    :param run: parameters and powers.
+    :return: J.
+    """
     spans = zip(run.powers, [*[at for at, _ in run.powers[1:]], run.end_s], strict=True)
     came_in_j = sum(watts * (until - at) for (at, watts), until in spans)
     return min(came_in_j, max(watts for _, watts in run.powers) * run.parameters.tau_s)

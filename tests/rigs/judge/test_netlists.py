@@ -140,7 +140,7 @@ def test_the_bridge_turns_first_after_a_quarter_period_and_shorts_before_each_tu
         (lambda: replace(WAVE, leaks_ohm=(1e6, 1e6)), "2 leaks"),
         (lambda: replace(PULSE, coils=()), "coils"),
         (lambda: replace(PULSE, end_s=1e-3), "end_s"),
-        (lambda: replace(WARMING, powers=((1.0, 0.36),)), "power that does not begin at 0 s"),
+        (lambda: replace(WARMING, powers=((1.0, 0.36),)), "power does not begin at 0 s"),
     ],
 )
 def test_runs_that_make_no_sense_are_refused(make, said):

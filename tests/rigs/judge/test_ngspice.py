@@ -59,7 +59,7 @@ def test_a_program_of_another_kind_is_found_out(monkeypatch, tmp_path):
     other.write_text("#!/bin/sh\necho hello\n")
     other.chmod(0o755)
     monkeypatch.setenv("PATH", str(tmp_path))
-    with pytest.raises(HapticsError, match="says 'hello"):
+    with pytest.raises(HapticsError, match="prints 'hello"):
         ngspice_version()
     with pytest.raises(HapticsError, match="exit status 0: its log names no error"):
         simulate(RC)
