@@ -5,20 +5,23 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 FUZZ_S ?= 60
 
-.PHONY: demo test check bench soak mutants clean help protocol firmware firmware-flash fuzz firmware-fuzzers
+.PHONY: demo test check docs docs-links bench soak mutants clean help protocol firmware firmware-flash fuzz firmware-fuzzers
 
 help:  ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/'
 
 $(STAMP): pyproject.toml constraints.txt
 	$(PYTHON) -c "import sys; sys.exit('Python 3.11 or newer is needed, this is ' + sys.version.split()[0]) if sys.version_info < (3, 11) else None"
+	@echo "== installing into $(VENV): about a hundred packages, a few minutes the first time"
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --upgrade pip
-	$(BIN)/python -m pip install --quiet -c constraints.txt -e '.[dev]'
+	$(BIN)/python -m pip install -c constraints.txt -e '.[dev]'
 	touch $(STAMP)
 
-demo: $(STAMP)  ## install, then play a shipped hand through a shipped scene on simulated boards
-	$(BIN)/haptics run playground --hand synthetic --out demo.h5 --picture demo.png --force
+demo: $(STAMP)  ## install, then play a shipped hand that grasps a ball on simulated boards
+	@echo "== playing 4 s of a hand on simulated boards; the first time, its inner loops are compiled first (half a minute)"
+	$(BIN)/haptics run examples/ball.toml --hand synthetic --out demo.h5 --picture demo.png --force
+	@echo "== demo.png shows what was felt, demo.h5 holds all of it; for the commands of the README: . $(BIN)/activate"
 
 test: $(STAMP)  ## the tests (no torch needed)
 	$(BIN)/python -m pytest -n auto --dist loadgroup
@@ -28,6 +31,14 @@ check: $(STAMP)  ## format, lint, types, architecture
 	$(BIN)/ruff check .
 	$(BIN)/lint-imports
 	$(BIN)/pyright
+
+docs: $(STAMP)  ## the documentation site, into build/site; a warning fails it, no network is used
+	rm -rf docs/reference/api
+	$(BIN)/python -m sphinx -W --keep-going -q -b html -d build/doctrees docs build/site
+	@echo "build/site/index.html"
+
+docs-links: $(STAMP)  ## try every link of the pages that leads elsewhere (needs the network)
+	$(BIN)/python -m sphinx -q -b linkcheck -d build/doctrees docs build/linkcheck
 
 bench: $(STAMP)  ## timings, ratios measured side by side in one run
 	$(BIN)/python -m pytest -m bench tests/bench

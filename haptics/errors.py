@@ -7,6 +7,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from difflib import get_close_matches
+from math import inf
 from typing import Any
 
 
@@ -16,6 +19,80 @@ class HapticsError(Exception):
 
 class InputError(HapticsError, ValueError):
     """An argument or a file cannot be used; the message names it, its value, and what is expected."""
+
+
+class OutOfRange(InputError):
+    """A number lies outside its range; kept apart so that a command can name it in the unit that was typed.
+
+    :ivar name: of the argument.
+    :ivar value: the number given, in ``unit``.
+    :ivar low: begin of the range, in ``unit``; -inf where there is no bound.
+    :ivar high: its end, inf where there is none.
+    :ivar unit: symbol, empty for a pure number.
+    """
+
+    def __init__(self, name: str, value: float, low: float, high: float, unit: str = ""):
+        self.name, self.value, self.low, self.high, self.unit = name, value, low, high, unit
+        suffix = f" {unit}" if unit else ""
+        super().__init__(f"{name} = {_outside(value, low, high)}{suffix}; allowed {span(low, high, unit)}")
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (self.name, self.value, self.low, self.high, self.unit)
+
+
+def _outside(number: float, low: float, high: float) -> str:
+    """A number that is outside a range, with as many digits as show that it is."""
+    short = f"{number:g}"
+    return f"{number!r}" if low <= float(short) <= high else short
+
+
+def span(low: float, high: float, unit: str = "") -> str:
+    """A range in words.
+
+    :param low: its begin in ``unit``, -inf where there is none.
+    :param high: its end, inf where there is none.
+    :param unit: symbol, empty for a pure number.
+    :return: such as ``0 to 100 ms``, ``at least 1 V`` or ``any finite number``.
+    """
+    suffix = f" {unit}" if unit else ""
+    if high == inf:
+        return f"at least {_plain(low)}{suffix}" if low != -inf else "any finite number"
+    if low == -inf:
+        return f"at most {_plain(high)}{suffix}"
+    return f"{_plain(low)} to {_plain(high)}{suffix}"
+
+
+def _plain(number: float) -> str:
+    """Six digits, or as many as a number below ten thousand million has before its point: 1000000 rather than 1e+06."""
+    return f"{number:.10g}" if 1e6 <= abs(number) < 1e10 else f"{number:g}"
+
+
+def nearest(value: object, known: Sequence[str]) -> str:
+    """What a mistyped name may have been meant for, as the end of a message.
+
+    :param value: what was handed in.
+    :param known: the names that there are.
+    :return: such as ``; did you mean index_tip?``, or nothing where none is near.
+    """
+    found = get_close_matches(value[:60], known, 1) if isinstance(value, str) else []
+    return f"; did you mean {found[0]}?" if found else ""
+
+
+class NotOneOf(InputError):
+    """A word is none of those there are; the nearest is suggested.
+
+    :ivar name: of the argument.
+    :ivar value: what was given.
+    :ivar shown: how a message shows it.
+    :ivar allowed: the words there are.
+    """
+
+    def __init__(self, name: str, value: object, shown: str, allowed: Sequence[str]):
+        self.name, self.value, self.shown, self.allowed = name, value, shown, tuple(allowed)
+        super().__init__(f"{name} = {shown} is not allowed; allowed: {', '.join(self.allowed)}{nearest(value, self.allowed)}")
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (self.name, self.value, self.shown, self.allowed)
 
 
 class LimitError(HapticsError):

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 import os
 from collections.abc import Sequence
 from numbers import Integral, Real
 from pathlib import Path
 
-from haptics.errors import InputError
+from haptics.errors import InputError, NotOneOf, OutOfRange, nearest as nearest, span
 
 VACUUM_PERMITTIVITY_F_PER_M = 8.8541878128e-12
 STANDARD_GRAVITY_M_S2 = 9.80665
@@ -29,9 +28,9 @@ def in_range(name: str, value: float, low: float, high: float, unit: str = "") -
     try:
         number = float(value)
     except (TypeError, ValueError, OverflowError) as error:
-        raise InputError(f"{name} = {brief(value)} is not a number; allowed: {_span(low, high, unit)}") from error
+        raise InputError(f"{name} = {brief(value)} is not a number; allowed: {span(low, high, unit)}") from error
     if not math.isfinite(number) or not low <= number <= high:
-        raise InputError(f"{name} = {_outside(number, low, high)}{_suffix(unit)}; allowed {_span(low, high, unit)}")
+        raise OutOfRange(name, number, low, high, unit)
     return number
 
 
@@ -47,7 +46,7 @@ def number(name: str, value: object, low: float, high: float, unit: str = "") ->
     :raises InputError: not a real number, not finite, or outside the range.
     """
     if isinstance(value, bool) or not isinstance(value, Real):
-        raise InputError(f"{name} = {brief(value)} is not a number; allowed: {_span(low, high, unit)}")
+        raise InputError(f"{name} = {brief(value)} is not a number; allowed: {span(low, high, unit)}")
     return in_range(name, value, low, high, unit)  # type: ignore[arg-type]
 
 
@@ -63,9 +62,9 @@ def whole_number(name: str, value: object, low: int, high: int, unit: str = "") 
     :raises InputError: not an integer (2.0 is none, nor is True), or outside the range.
     """
     if isinstance(value, bool) or not isinstance(value, Integral):
-        raise InputError(f"{name} = {brief(value)} is not a whole number; allowed: {_span(low, high, unit)}")
+        raise InputError(f"{name} = {brief(value)} is not a whole number; allowed: {span(low, high, unit)}")
     if not low <= int(value) <= high:
-        raise InputError(f"{name} = {brief(int(value))}{_suffix(unit)}; allowed {_span(low, high, unit)}")
+        raise InputError(f"{name} = {brief(int(value))}{_suffix(unit)}; allowed {span(low, high, unit)}")
     return int(value)
 
 
@@ -135,19 +134,8 @@ def one_of(name: str, value: object, allowed: Sequence[str]) -> str:
     :raises InputError: it is none of them; the message lists them, and the nearest.
     """
     if not isinstance(value, str) or value not in allowed:
-        raise InputError(f"{name} = {brief(value)} is not allowed; allowed: {', '.join(allowed)}{nearest(value, allowed)}")
+        raise NotOneOf(name, value, brief(value), allowed)
     return value
-
-
-def nearest(value: object, known: Sequence[str]) -> str:
-    """What a mistyped name may have been meant for, as the end of a message.
-
-    :param value: what was handed in.
-    :param known: the names that there are.
-    :return: such as ``; nearest: index_tip``, or nothing where none is near.
-    """
-    found = difflib.get_close_matches(value[:60], known, 1) if isinstance(value, str) else []
-    return f"; nearest: {found[0]}" if found else ""
 
 
 def brief(value: object) -> str:
@@ -163,20 +151,8 @@ def brief(value: object) -> str:
     return text if len(text) <= 60 else f"{text[:57]}..."
 
 
-def _outside(number: float, low: float, high: float) -> str:
-    """A number that is outside a range, with as many digits as show that it is."""
-    short = f"{number:g}"
-    return f"{number!r}" if low <= float(short) <= high else short
-
-
 def _suffix(unit: str) -> str:
     return f" {unit}" if unit else ""
-
-
-def _span(low: float, high: float, unit: str) -> str:
-    if math.isinf(high):
-        return f"at least {low:g}{_suffix(unit)}" if not math.isinf(low) else "any finite number"
-    return f"{low:g} to {high:g}{_suffix(unit)}"
 
 
 _PREFIXES = ("p", "n", "µ", "m", "", "k", "M", "G")
@@ -188,7 +164,8 @@ _SCALED_DOWN = {"s", "m"}
 def engineering(value: float, unit: str = "", digits: int = 4) -> str:
     """A quantity as people write it, with the prefix that leaves one to three digits before the point.
 
-    :param value: in ``unit``. :param unit: symbol; those that take no prefix (K, %, mm, kg, ...) keep their size.
+    :param value: in ``unit``.
+    :param unit: symbol; those that take no prefix (K, %, mm, kg, ...) keep their size.
     :param digits: significant ones, at most; at least two are shown.
     :return: such as ``1.0 kV``, ``2.547 nF``, ``20 ms``, ``0.486 K``.
     """

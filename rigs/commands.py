@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from haptics.cli.show import name_leftovers, print_json, print_pairs, print_table, progress_unless
+from haptics.units import whole_number
 
 Json = Annotated[bool, typer.Option("--json", help="print one JSON object")]
 Out = Annotated[Path | None, typer.Option(help="folder to write recordings, pictures and the page to [default: NAME-TIME]")]
@@ -89,6 +90,7 @@ def validate(
     from rigs.validation.page import judge_table, refuse_taken, write_validation
     from rigs.validation.validate import validate as run
 
+    whole_number("devices", devices, 1, 1000)
     options = BenchOptions(seed=seed, level=level)
     if out is not None:
         refuse_taken(out, force)

@@ -65,7 +65,8 @@ def compare(first: Recording, second: Recording, only: str | None = None) -> lis
 def only_in_one(first: Recording, second: Recording) -> list[str]:
     """Streams that are in one recording and missing in the other.
 
-    :param first, second: the recordings.
+    :param first: the recordings.
+    :param second: likewise, with ``first``.
     :return: their names, sorted.
     """
     return sorted(set(first.streams) ^ set(second.streams))

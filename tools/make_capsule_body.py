@@ -39,7 +39,8 @@ def polygonised() -> tuple[Floats, Ints]:
 def coarsened(vertices: Floats, triangles: Ints) -> tuple[Floats, Ints]:
     """Short edges collapsed until edges are about ``EDGE_M`` long.
 
-    :param vertices, triangles: the mesh, m.
+    :param vertices: the mesh, m.
+    :param triangles: likewise, with ``vertices``.
     :return: the coarser mesh, m.
     """
     area = SurfaceMesh(vertices, triangles).areas_m2.sum()
@@ -51,7 +52,8 @@ def coarsened(vertices: Floats, triangles: Ints) -> tuple[Floats, Ints]:
 def flipped_to_delaunay(vertices: Floats, triangles: Ints) -> Ints:
     """Flips each edge whose opposite angles sum to more than a half turn, once round.
 
-    :param vertices, triangles: the mesh, m.
+    :param vertices: the mesh, m.
+    :param triangles: likewise, with ``vertices``.
     :return: the triangles after it.
     """
     corners = [tuple(int(i) for i in triangle) for triangle in triangles]
@@ -83,7 +85,8 @@ def _angle(apex: Floats, a: Floats, b: Floats) -> float:
 def smoothed(vertices: Floats, triangles: Ints) -> Floats:
     """Each vertex half way towards the mean of its neighbours, in the tangent plane.
 
-    :param vertices, triangles: the mesh, m.
+    :param vertices: the mesh, m.
+    :param triangles: likewise, with ``vertices``.
     :return: the vertices after it, m.
     """
     edges = SurfaceMesh(vertices, triangles).edges

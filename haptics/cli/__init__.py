@@ -1,0 +1,1 @@
+"""The ``haptics`` command: arguments in, one library call, a table or JSON out."""

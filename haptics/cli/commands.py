@@ -11,15 +11,15 @@ from functools import cache
 from importlib.metadata import entry_points
 from typing import Any
 
-import typer
 from typer.core import TyperGroup
 
 from haptics.cli import configuration, fidelity, garment, predict, recording, run
 from haptics.cli.link import app as link
 from haptics.cli.program import ENDINGS, ended_by
+from haptics.cli.typed import Commands
 
 
-class _Commands(TyperGroup):
+class _Program(TyperGroup):
     """Turns what ends a command into lines on standard error and an exit code, before typer has its own way with it."""
 
     def invoke(self, ctx: Any) -> Any:
@@ -29,9 +29,9 @@ class _Commands(TyperGroup):
             sys.exit(ended_by(error))
 
 
-app = typer.Typer(
+app = Commands(
     name="haptics",
-    cls=_Commands,
+    cls=_Program,
     help="Wearable haptics, from a VR scene to volts on a wrist and back.",
     no_args_is_help=True,
     add_completion=False,
@@ -56,7 +56,8 @@ app.command("off")(link.off)
 
 
 @cache  # once a process, however often main is called
-def _add_installed_commands() -> None:
+def add_installed_commands() -> None:
+    """Add the commands that other installed packages offer, once."""
     for point in sorted(entry_points(group="haptics.commands"), key=lambda p: p.name):
         group, _, name = point.name.rpartition(".")
         (_groups[group] if group else app).command(name)(point.load())
@@ -64,5 +65,5 @@ def _add_installed_commands() -> None:
 
 def command_line() -> None:
     """Run what the arguments of this process say."""
-    _add_installed_commands()
+    add_installed_commands()
     app()

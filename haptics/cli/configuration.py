@@ -8,8 +8,9 @@ from typing import Annotated
 import typer
 
 from haptics.cli.show import print_json
+from haptics.cli.typed import Commands
 
-app = typer.Typer(help="The glove's configuration file.", no_args_is_help=True)
+app = Commands(help="Check the glove's configuration file.", no_args_is_help=True)
 
 
 @app.command("check")
@@ -17,7 +18,7 @@ def check(
     path: Annotated[Path, typer.Argument(help="glove.toml")],
     json: Annotated[bool, typer.Option("--json", help="print one JSON object")] = False,
 ) -> None:
-    """Check a configuration file and print what it amounts to, defaults filled in."""
+    """Check a configuration file, and print what it sets, with defaults filled in."""
     from haptics.session.configuration import load_configuration
 
     configuration = load_configuration(path)

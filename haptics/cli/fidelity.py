@@ -8,8 +8,10 @@ from typing import Annotated
 import typer
 
 from haptics.cli.show import chosen_levels, plain, print_json, print_table, progress_unless
+from haptics.cli.typed import Commands
+from haptics.units import whole_number
 
-app = typer.Typer(help="Levels of the models, and the loop's own error.", no_args_is_help=True)
+app = Commands(help="Measure the levels of the models, and the error of the loop.", no_args_is_help=True)
 Json = Annotated[bool, typer.Option("--json", help="print one JSON object")]
 
 
@@ -23,12 +25,13 @@ def measure(
     force: Annotated[bool, typer.Option("--force", help="overwrite files that exist")] = False,
     json: Json = False,
 ) -> None:
-    """Run every level of every model against its reference: errors of what is noticed, and CPU time, on this machine."""
+    """Run every level of every model against its reference: errors of what a person notices, and CPU time on this machine."""
     from json import dumps
 
     from haptics.fidelity import measured
     from haptics.recording.output import check_outputs, replacing
 
+    _seed(seed)
     check_outputs({"out": out, "picture": picture}, force)
     if shipped:
         table = measured.shipped()
@@ -68,7 +71,9 @@ def measure(
 @app.command("plan")
 def plan(
     scene: Annotated[str, typer.Argument(help="a shipped scene's name or a scene file")],
-    tolerance_jnd: Annotated[float, typer.Option(help="error allowed, as a share of what is just noticed")] = 1 / 3,
+    tolerance_jnd: Annotated[
+        float, typer.Option(help="error allowed, as a share of what is just noticed", show_default="1/3")
+    ] = 1 / 3,
     budget: Annotated[float, typer.Option(help="CPU seconds a second that the models may take")] = 0.5,
     level: Annotated[list[str] | None, typer.Option("--level", help="MODEL=LEVEL to take whatever it costs; repeat")] = None,
     json: Json = False,
@@ -99,7 +104,9 @@ def prove(
     scene: Annotated[str, typer.Argument(help="a shipped scene's name or a scene file")],
     hand: Annotated[str, typer.Option("--hand", help="a hand recording, or `synthetic`")] = "synthetic",
     side: Annotated[str, typer.Option(help="hand to play: left, right, or auto: the one with most poses")] = "auto",
-    tolerance_jnd: Annotated[float, typer.Option(help="error allowed, as a share of what is just noticed")] = 1 / 3,
+    tolerance_jnd: Annotated[
+        float, typer.Option(help="error allowed, as a share of what is just noticed", show_default="1/3")
+    ] = 1 / 3,
     level: Annotated[list[str] | None, typer.Option("--level", help="MODEL=LEVEL of the planned run; repeat")] = None,
     seed: Annotated[int, typer.Option(help="seed of the simulated boards")] = 1,
     json: Json = False,
@@ -109,6 +116,7 @@ def prove(
     from haptics.session.prove import prove_plan
     from haptics.session.run import RunOptions
 
+    _seed(seed)
     options = RunOptions(side=side, seed=seed, tolerance_jnd=tolerance_jnd, levels=chosen_levels(level))
     proof = prove_plan(scene, hand, Configuration(), options)
     if json:
@@ -137,6 +145,7 @@ def stress(
     """Try every level at its extremes: what was tried, the worst that came of it, and where it stops being valid."""
     from haptics.fidelity.stress.stress import stress as run
 
+    _seed(seed)
     rows = run(quick, seed, progress_unless(json), model or None)
     if json:
         print_json({"rows": rows, "holds": all(row.holds for row in rows)})
@@ -160,9 +169,10 @@ def onset(
     seed: Annotated[int, typer.Option(help="seed of the objects' places")] = 1,
     json: Json = False,
 ) -> None:
-    """Onset error of predicted touch over objects at random places, beside holding the last pose."""
+    """Measure the onset error of predicted touch over objects at random places, beside holding the last pose."""
     from haptics.judging.onset_study import onset_study
 
+    _seed(seed)
     rows = onset_study(hand or [], folder, objects, [ms / 1e3 for ms in latency_ms or [0.0, 10.0, 20.0]], seed, side)
     if json:
         print_json({"rows": rows})
@@ -176,6 +186,10 @@ def onset(
     ]
     head = ("latency", "rule", "touches", "signed", "median", "95 %", "window", "missed", "false", "shallow")
     print_table("onset error, ms, of touches at 100 mm/s or more; missed, false and shallow per 100", head, flat)
+
+
+def _seed(seed: int) -> None:
+    whole_number("seed", seed, 0, 2**31 - 1)
 
 
 def _per_100(statistics: dict, name: str) -> str:

@@ -13,13 +13,14 @@ from typing import TYPE_CHECKING, Annotated, Any, cast
 import typer
 
 from haptics.cli.show import print_json, print_pairs, print_table
+from haptics.cli.typed import Commands
 
 if TYPE_CHECKING:
     from haptics.garments.design.designs import DesignStep
     from haptics.garments.design.topology import Progress
     from haptics.garments.evaluation import Evaluation
 
-app = typer.Typer(help="Kinesthetic garments: design, evaluate, export to a cutter.", no_args_is_help=True)
+app = Commands(help="Design kinesthetic garments, evaluate them, and export them to a cutter.", no_args_is_help=True)
 Json = Annotated[bool, typer.Option("--json", help="print one JSON object")]
 Force = Annotated[bool, typer.Option("--force", help="overwrite files that exist")]
 Body = Annotated[str, typer.Option(help="body: capsule, or anny (extra `body`)")]
@@ -28,7 +29,7 @@ _LEVELS = "mesh: coarse (0.5k vertices), draft (1.8k), standard (7k), reference 
 Level = Annotated[str, typer.Option(help=_LEVELS)]
 OwnLevel = Annotated[str | None, typer.Option("--level", help=f"{_LEVELS} [default: draft; a mesh file's own]")]
 _GARMENTS = "sleeve, knee_sleeve, shirt, long_shirt, shorts, or a mesh drawn around the straight body: .obj .ply .stl"
-Units = Annotated[str | None, typer.Option(help="of a mesh file: m, dm, cm, mm, in, ft [default: m]")]
+Units = Annotated[str | None, typer.Option(help="unit of a mesh file: m, dm, cm, mm, in, ft [default: m]")]
 Up = Annotated[str | None, typer.Option(help="axis of a mesh file that points up: x, y, z [default: z]")]
 Angle = Annotated[float | None, typer.Option(help="angle of the motion from straight, deg [default: the motion's]")]
 Solver = Annotated[str | None, typer.Option(help="sparse solver (see `bodies`) [default: the fastest installed]")]
@@ -40,8 +41,8 @@ OfCoverage = Annotated[float | None, typer.Option("--coverage", help="or the des
 @app.command("design")
 def design(
     garment: Annotated[str, typer.Option(help=_GARMENTS)],
-    motion: Annotated[str, typer.Option(help="what it resists, such as elbow_flexion (see `bodies`)")],
-    coverage: Annotated[float, typer.Option(help="reinforced over designable area, 0.01 to 1")],
+    motion: Annotated[str, typer.Option(help="motion that it resists, such as elbow_flexion (see `bodies`)")],
+    coverage: Annotated[float, typer.Option(help="share of the designable area that is reinforced, 0.01 to 1")],
     angle_deg: Angle = None,
     level: OwnLevel = None,
     body: Body = "capsule",
@@ -63,9 +64,7 @@ def design(
     from haptics.garments.design_run import run_design
 
     if resume and (out is None or force):
-        raise InputError(
-            "resume needs the folder to go on with, and does not begin anew; allowed: --resume --out DIR, without --force"
-        )
+        raise InputError("--resume goes on with the designs in a folder: pass --out DIR with it, and no --force")
     level = level or level_of(garment)
     worn_by = body, phenotype_of(phenotype)
     job = DesignJob(garment, motion, coverage, angle_deg, level, *worn_by, solver, cast(Any, lame), units, up)
@@ -84,7 +83,7 @@ def design(
 @app.command("evaluate")
 def evaluate(
     design: Annotated[Path, typer.Argument(help="folder or file of `design`; or a mask: .png .obj .ply .stl .txt .npz")],
-    steps: Annotated[int, typer.Option(help="parts that the motion is divided into")] = 18,
+    steps: Annotated[int, typer.Option(help="number of parts that the motion is divided into")] = 18,
     motion: Annotated[str | None, typer.Option(help="another motion than the design's; needed with a mask")] = None,
     angle_deg: Angle = None,
     against: Annotated[str | None, typer.Option(help="rate beside: line, x or a mask file, with equal area")] = None,
@@ -94,14 +93,16 @@ def evaluate(
     body: Annotated[str | None, typer.Option(help="with a mask: the body [default: capsule]")] = None,
     phenotype: Phenotype = None,
     level: Annotated[str | None, typer.Option(help="with a mask: the mesh [default: draft; a mesh file's own]")] = None,
-    units: Annotated[str | None, typer.Option(help="of the mesh files given here: m, dm, cm, mm, in, ft [default: m]")] = None,
+    units: Annotated[
+        str | None, typer.Option(help="unit of the mesh files given here: m, dm, cm, mm, in, ft [default: m]")
+    ] = None,
     up: Annotated[str | None, typer.Option(help="axis of them that points up: x, y, z [default: z]")] = None,
     picture: Annotated[Path | None, typer.Option(help="also draw energy and torque by angle, PNG (extra `report`)")] = None,
     rrd: Annotated[Path | None, typer.Option(help="also write the motion for rerun (extra `view`)")] = None,
     force: Force = False,
     json: Json = False,
 ) -> None:
-    """Energy and joint torque of a design at every angle of a motion, and its energy density beside another design's."""
+    """Print energy and joint torque of a design at every angle of a motion, and its energy density beside another's."""
     from haptics.errors import InputError
     from haptics.garments.design.job import DesignJob
     from haptics.garments.design.masks import MASKS
@@ -121,13 +122,13 @@ def evaluate(
     job = None
     if design.suffix.lower() in MASKS:
         if garment is None or motion is None:
-            raise InputError(f"{design} is a mask: it does not say what is worn; allowed: with --garment and --motion")
+            raise InputError(f"{design} is a mask, which does not record what is worn; pass --garment and --motion with it")
         frame = (units, up) if garment in meshes else (None, None)
         worn_by = body or "capsule", phenotype_of(phenotype), None, "plane"
         job = DesignJob(garment, motion, 1.0, angle_deg, level or level_of(garment), *worn_by, *frame)
     elif garment or body or level or phenotype:
         raise InputError(
-            f"{design} is no mask and says itself what is worn; allowed: --garment, --body, --phenotype, --level with a mask only"
+            f"{design} already records its garment and body; pass --garment, --body, --phenotype and --level only with a mask"
         )
     with _busy("following the motion", silent=json):
         found = evaluate_design(design, job, motion, angle_deg, against, steps, step, coverage, units, up, _warn)
@@ -220,7 +221,7 @@ def bodies(
             _show_files(data["files"])
         return
     if body or phenotype or motion or angle_deg is not None:
-        raise InputError("--body, --phenotype, --motion and --angle-deg say which body is written; allowed: with --export only")
+        raise InputError("--body, --phenotype, --motion and --angle-deg choose the body to write; pass them only with --export")
     from haptics.garments.catalogue import catalogue
 
     found = catalogue()
@@ -264,10 +265,10 @@ def bodies(
 def patch(
     design: Annotated[str, typer.Option(help="none, full, strip, line or x")],
     coverage: Annotated[float, typer.Option(help="share that is reinforced, 0 to 1; none and full have their own")] = 0.4,
-    strain: Annotated[float, typer.Option(help="pull over length, 0 to 2")] = 0.1,
+    strain: Annotated[float, typer.Option(help="strain: pull over length, 0 to 2")] = 0.1,
     lame: Lame = "plane",
-    angle_deg: Annotated[float, typer.Option(help="of a strip or line from the pull, deg")] = 0.0,
-    elements: Annotated[int, typer.Option(help="triangles, about")] = 4000,
+    angle_deg: Annotated[float, typer.Option(help="angle of a strip or line from the pull, deg")] = 0.0,
+    elements: Annotated[int, typer.Option(help="number of triangles, about")] = 4000,
     json: Json = False,
 ) -> None:
     """Pull a 10 cm square of cloth that is held at two ends: the force, as on the bench (thesis 5.6.1)."""
@@ -340,7 +341,7 @@ def watched(coverage: float, silent: bool) -> Iterator[tuple[Progress | None, Ca
 
 
 def _warn(what: str) -> None:
-    """Said before it takes long, to a person as to a program's log: the answer on standard output comes only after it."""
+    """Printed before it takes long, to a person as to a program's log: the answer on standard output comes only after it."""
     print(f"note: {what}", file=sys.stderr, flush=True)
 
 

@@ -8,8 +8,9 @@ from typing import Annotated
 import typer
 
 from haptics.cli.show import print_json, print_pairs, printing
+from haptics.cli.typed import Commands
 
-app = typer.Typer(help="Recordings: what is in one, and saving what a crash left.", no_args_is_help=True)
+app = Commands(help="Look into recordings, and save what a crash left.", no_args_is_help=True)
 
 
 @app.command("recover")

@@ -7,7 +7,16 @@ from typing import Annotated
 
 import typer
 
-from haptics.cli.show import chosen_levels, name_leftovers, plain, print_json, print_pairs, print_table, printing
+from haptics.cli.show import (
+    chosen_levels,
+    name_leftovers,
+    note_first_start,
+    plain,
+    print_json,
+    print_pairs,
+    print_table,
+    printing,
+)
 from haptics.errors import HapticsError
 
 
@@ -26,9 +35,11 @@ def run(
     out: Annotated[Path | None, typer.Option(help="recording to write (HDF5) [default: SCENE-TIME.h5]")] = None,
     rrd: Annotated[Path | None, typer.Option(help="also write a rerun recording (extra `view`)")] = None,
     picture: Annotated[Path | None, typer.Option(help="also write a still picture, PNG (extra `report`)")] = None,
-    level: Annotated[list[str] | None, typer.Option("--level", help="MODEL=LEVEL instead of the plan's; repeat")] = None,
-    tolerance_jnd: Annotated[float, typer.Option(help="error the plan allows, as a share of what is just noticed")] = 1 / 3,
-    budget: Annotated[float, typer.Option(help="CPU seconds a second that the plan's models may take")] = 0.5,
+    level: Annotated[list[str] | None, typer.Option("--level", help="MODEL=LEVEL instead of the plan's choice; repeat")] = None,
+    tolerance_jnd: Annotated[
+        float, typer.Option(help="error the plan allows, as a share of what is just noticed", show_default="1/3")
+    ] = 1 / 3,
+    budget: Annotated[float, typer.Option(help="CPU time that the plan's models may take, s a second")] = 0.5,
     force: Annotated[bool, typer.Option("--force", help="overwrite files that exist")] = False,
     json: Annotated[bool, typer.Option("--json", help="print one JSON object")] = False,
 ) -> None:
@@ -37,6 +48,8 @@ def run(
     from haptics.session.run import RunOptions, run_scene
 
     name_leftovers(Path.cwd() if out is None else out.parent)
+    if not json:
+        note_first_start()
     report = run_scene(
         scene,
         hand,
@@ -92,14 +105,14 @@ def _show(report: dict) -> None:
     if report["actuators"]:
         busiest = sorted(report["actuators"], key=lambda a: -a["peak_rise_k"])[:8]
         print_table(
-            "actuators (warmest first)",
-            ("site", "switches", "peak rise K", "headroom K"),
+            "tactors (warmest first)",
+            ("site", "switches", "peak rise, K", "headroom, K"),
             ((a["site"], a["switches"], a["peak_rise_k"], a["headroom_k"]) for a in busiest),
         )
     if report["brakes"]:
         print_table(
             "brakes",
-            ("name", "peak V", "peak N", "energy J"),
+            ("name", "peak voltage, V", "peak force, N", "energy, J"),
             ((b["name"], b["peak_volts"], b["peak_force_n"], b["energy_j"]) for b in report["brakes"]),
         )
     print_table("plan", ("device", "level", "why"), ((p["device"], p["level"], p["why"]) for p in report["plan"]))

@@ -12,6 +12,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
+from haptics.cli.layout import layout, quantity
 from haptics.errors import HapticsError, InputError
 
 _PIPED_WIDTH = 160
@@ -57,27 +58,21 @@ def print_json(value: Any) -> None:
 
 
 def print_pairs(title: str, pairs: Mapping[str, Any]) -> None:
-    """A titled two-column table of names and values."""
-    print_table(title, ("quantity", "value"), ((k, _cell(v)) for k, v in pairs.items()))
+    """A titled two-column table of names and values; a unit at the end of a name moves to its value."""
+    print_table(title, ("quantity", "value"), (quantity(name, value) for name, value in pairs.items()))
 
 
 def print_table(title: str, head: Iterable[str], rows: Iterable[Iterable[Any]]) -> None:
     """A table for people, as wide as the terminal; into a file or pipe, as wide as it needs."""
     from rich.console import Console
-    from rich.table import Table
-
-    table = Table(title=title, title_justify="left", header_style="bold")
-    for column in head:
-        table.add_column(column)
-    for row in rows:
-        table.add_row(*(_cell(v) for v in row))
 
     class Plain(Console):
         def on_broken_pipe(self) -> None:
             raise BrokenPipeError
 
     with printing():
-        Plain(width=None if sys.stdout.isatty() or "COLUMNS" in os.environ else _PIPED_WIDTH).print(table)
+        console = Plain(width=None if sys.stdout.isatty() or "COLUMNS" in os.environ else _PIPED_WIDTH)
+        console.print(layout(title, head, rows, console.width), highlight=False)
 
 
 def chosen_levels(pairs: list[str] | None) -> dict[str, str]:
@@ -89,13 +84,13 @@ def chosen_levels(pairs: list[str] | None) -> dict[str, str]:
     for pair in pairs or ():
         model, found, level = pair.partition("=")
         if not found or model in chosen:
-            raise InputError(f"level = {pair!r} is not allowed; allowed: MODEL=LEVEL, once for each model, such as latch=dynamic")
+            raise InputError(f"level = {pair!r}; expected MODEL=LEVEL, once for each model, such as latch=dynamic")
         chosen[model] = level
     return chosen
 
 
 def progress_unless(silent: bool) -> Callable[[str], None]:
-    """Says what is being done on standard error, where a person looks at it."""
+    """Shows what is being done on standard error, where a person looks at it."""
     shown = not silent and sys.stderr.isatty()
 
     def progress(what: str) -> None:
@@ -106,7 +101,7 @@ def progress_unless(silent: bool) -> Callable[[str], None]:
 
 
 def name_leftovers(folder: Path) -> None:
-    """Says on standard error which journals sessions left in a folder where another is about to begin, and what saves them."""
+    """Names on standard error which journals sessions left in a folder where another is about to begin, and what saves them."""
     from haptics.recording.leftovers import left_journal, leftovers
 
     for journal in leftovers(folder):
@@ -114,9 +109,10 @@ def name_leftovers(folder: Path) -> None:
             print(f"haptics: {left_journal(journal)}", file=sys.stderr)
 
 
-def _cell(value: Any) -> str:
-    if isinstance(value, float):
-        return f"{value:.4g}" if math.isfinite(value) else "-"
-    if isinstance(value, (list, tuple)):
-        return ", ".join(_cell(v) for v in value) or "-"
-    return "-" if value is None else str(value)
+def note_first_start() -> None:
+    """Explain, where a person looks at it, why a first start takes longer: inner loops are compiled once, and kept."""
+    import haptics.physics
+
+    kept = [Path(os.environ.get("NUMBA_CACHE_DIR") or folder) for folder in haptics.physics.__path__]
+    if sys.stderr.isatty() and not any(next(folder.rglob("*.nbi"), None) for folder in kept):
+        print("note: first start: compiling the physics for this machine, half a minute; later starts skip it", file=sys.stderr)

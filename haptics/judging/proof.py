@@ -45,7 +45,8 @@ class ProofRow:
 class Proof:
     """How the planned run differs from the all-reference run, and the CPU time of either.
 
-    :param scene, hand: names of what was played.
+    :param scene: names of what was played.
+    :param hand: likewise, with ``scene``.
     :param tolerance: error allowed, as a share of what is just noticed.
     :param levels: the plan: the level of each model, by the model's name.
     :param rows: one for each observable that a run had.

@@ -74,7 +74,8 @@ class _Book:
 class _OnTime:
     """What coils may still be on for, by the board's account of each (``docs/reference/protocol.md``, Heat of the coils).
 
-    :param limit_ms: the board's. :param heat: accounts now, as telemetry has them.
+    :param limit_ms: the board's.
+    :param heat: accounts now, as telemetry has them.
     """
 
     _TAU_S = 102.0

@@ -25,7 +25,8 @@ WELD_EDGES = 0.1
 def cleaned(vertices: Floats, triangles: Ints, min_area: float) -> tuple[Floats, Ints, list[str]]:
     """The surface without copied and unused vertices, triangles without area and those given twice, all facing the same side.
 
-    :param vertices: ``(v, 3)``, finite. :param triangles: ``(t, 3)``, of these vertices.
+    :param vertices: ``(v, 3)``, finite.
+    :param triangles: ``(t, 3)``, of these vertices.
     :param min_area: a triangle below it, in the square of the vertices' unit, has none.
     :return: vertices, triangles, and what was done, in words; a surface of nothing but flat triangles comes out empty.
     """

@@ -35,7 +35,8 @@ def open_edges(triangles: Ints) -> Ints:
 class Neighbours:
     """Pairs of triangles that share an edge with no third, ``(pairs,)`` each.
 
-    :param one, other: indices of the two triangles.
+    :param one: indices of the two triangles.
+    :param other: likewise, with ``one``.
     :param alike: the two run along the edge in opposite directions, so that they face the same side.
     """
 

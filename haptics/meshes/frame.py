@@ -25,7 +25,8 @@ class Kind:
     """What a mesh is drawn as.
 
     :param what: in words, with an article.
-    :param smallest_m, largest_m: range of its longest side, metres; assumed.
+    :param smallest_m: range of its longest side, metres; assumed.
+    :param largest_m: likewise, with ``smallest_m``.
     :param usual_m: what it is most often; decides between units.
     :param cure: how a user names a unit, with ``{unit}`` and ``{scale}`` where they go.
     """

@@ -41,7 +41,8 @@ class GraspAhead:
         """Plan from a pose.
 
         :param time_ns: when it was sampled.
-        :param thumb_m, index_m: centres of the two tips, (3,), metres.
+        :param thumb_m: centres of the two tips, (3,), metres.
+        :param index_m: likewise, with ``thumb_m``.
         :param now_ns: when it arrived.
         """
         self._tips = np.stack([thumb_m, index_m])

@@ -72,7 +72,8 @@ def gap_m(body: Placed, thumb_tip_m: Array, index_tip_m: Array, tip_radius_m: fl
     A grasp can begin where this is ``band_m`` or less and the object lies between the tips (:func:`between`).
 
     :param body: the object where it is.
-    :param thumb_tip_m, index_tip_m: the tips' joints, (3,), metres.
+    :param thumb_tip_m: the tips' joints, (3,), metres.
+    :param index_tip_m: likewise, with ``thumb_tip_m``.
     :param tip_radius_m: radius of a fingertip's sphere, metres.
     :return: metres; negative when both tips reach into the object.
     """
@@ -83,7 +84,8 @@ def between(body: Placed, thumb_tip_m: Array, index_tip_m: Array) -> bool:
     """Whether the object lies between the fingertips.
 
     :param body: the object where it is.
-    :param thumb_tip_m, index_tip_m: the tips' joints, (3,), metres.
+    :param thumb_tip_m: the tips' joints, (3,), metres.
+    :param index_tip_m: likewise, with ``thumb_tip_m``.
     :return: whether the segment from joint to joint enters it.
     """
     return segment_meets(body, thumb_tip_m, index_tip_m)
@@ -181,7 +183,8 @@ class GraspTracker:
         """Follow the tips.
 
         :param time_ns: when they were sampled; not earlier than the last.
-        :param thumb_tip_m, index_tip_m: the tips' joints, (3,), metres.
+        :param thumb_tip_m: the tips' joints, (3,), metres.
+        :param index_tip_m: likewise, with ``thumb_tip_m``.
         :return: what began or ended; usually nothing.
         :raises InputError: time went back, or a tip is not three finite numbers.
         """

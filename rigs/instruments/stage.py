@@ -30,7 +30,8 @@ _STATUS = re.compile(r"<(\w+)[^|]*\|(?:.*\|)?MPos:(-?[\d.]+)")
 class Stage:
     """One stage on one port; not a source of samples.
 
-    :param url: a serial port or ``sim://stage``. :param baud: GRBL's is 115200.
+    :param url: a serial port or ``sim://stage``.
+    :param baud: GRBL's is 115200.
     :raises InputError, LinkError: the port will not open.
 
     ``state`` is the last it reported (``Idle``, ``Jog``, ``Alarm`` ...; empty: nothing yet), ``position_m`` likewise,

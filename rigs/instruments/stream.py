@@ -60,7 +60,8 @@ class Samples:
 class SampleStream:
     """One instrument on one port.
 
-    :param url: a serial port or ``sim://`` URL. :param baud: of the line.
+    :param url: a serial port or ``sim://`` URL.
+    :param baud: of the line.
     :raises InputError, LinkError: the port will not open.
 
     ``header`` holds what the instrument reports of itself; ``faults`` words it printed in place of values, with the sample's

@@ -94,8 +94,11 @@ def mean_of(values: Sequence[float] | Vector) -> tuple[float, float]:
 class SupplyFit:
     """The evaluation of a run; each part is computed when it is first read.
 
-    :param samples: of the probe. :param rest_ns: from when to when nothing was on. :param phases: in their order.
-    :param load_ohm: of the probe. :param step: what a count is worth, V and A.
+    :param samples: of the probe.
+    :param rest_ns: from when to when nothing was on.
+    :param phases: in their order.
+    :param load_ohm: of the probe.
+    :param step: what a count is worth, V and A.
     :raises InputError: too little was recorded for a quantity.
     """
 

@@ -115,11 +115,11 @@ def test_no_volts_is_no_nonsense(answer):
         (("--volts", 100, "--finger", "nose"), "finger"),
         (("--volts", 100, "--law", "wishful"), "law"),
         (("--volts", 100, "--strips", 0), "strips"),
-        (("--volts", 100, "--thickness-um", 0), "thickness_m"),
-        (("--volts", 100, "--overlap-cm2", -1), "overlap_m2"),
-        (("--volts", 100, "--hz", -3), "frequency_hz"),
-        (("--force-n", -1), "force_n"),
-        (("--force-n", 1e9), "force_n"),
+        (("--volts", 100, "--thickness-um", 0), "--thickness-um"),
+        (("--volts", 100, "--overlap-cm2", -1), "--overlap-cm2"),
+        (("--volts", 100, "--hz", -3), "--hz"),
+        (("--force-n", -1), "--force-n"),
+        (("--force-n", 1e9), "--force-n"),
     ],
 )
 def test_nonsense_is_refused_by_name(refused, arguments, word):

@@ -61,13 +61,13 @@ def test_both_levels_answer_alike_for_the_stated_drive(answer, level):
 @pytest.mark.parametrize(
     ("arguments", "word"),
     [
-        (("--pulse-ms", -1), "pulse_s"),
-        (("--pulse-ms", "nan"), "pulse_s"),
-        (("--pulse-ms", 20_000), "pulse_s"),
+        (("--pulse-ms", -1), "--pulse-ms"),
+        (("--pulse-ms", "nan"), "--pulse-ms"),
+        (("--pulse-ms", 20_000), "--pulse-ms"),
         (("--volts", -5), "volts"),
         (("--direction", "up"), "direction"),
         (("--level", "exact"), "level"),
-        (("--rise-k", "inf"), "rise_k"),
+        (("--rise-k", "inf"), "--rise-k"),
     ],
 )
 def test_nonsense_is_refused_by_name(refused, arguments, word):

@@ -83,10 +83,10 @@ def test_recoil_of_another_impact_is_answered_as_not_valid(answer, command):
     [
         (("laws", "--finger", "ring"), "finger"),
         (("recoil", "--surface", "wood"), "surface"),
-        (("recoil", "--relative-speed", -1), "relative_speed"),
-        (("recoil", "--relative-speed", "nan"), "relative_speed"),
-        (("recoil", "--length-ms", -1), "length_s"),
-        (("recoil", "--sample-hz", 0), "sample_rate_hz"),
+        (("recoil", "--relative-speed", -1), "--relative-speed"),
+        (("recoil", "--relative-speed", "nan"), "--relative-speed"),
+        (("recoil", "--length-ms", -1), "--length-ms"),
+        (("recoil", "--sample-hz", 0), "--sample-hz"),
         (("recoil", "--surface"), "surface"),
     ],
 )

@@ -72,15 +72,15 @@ def test_what_has_no_answer_is_null(answer):
 @pytest.mark.parametrize(
     ("arguments", "word"),
     [
-        ((), "rate_per_min"),
-        (("--rate-per-min", 120, "--burst-ms", 50, "--every-s", 5), "rate_per_min"),
-        (("--burst-ms", 50), "every_s"),
-        (("--burst-ms", 50, "--every-s", 0.01), "every_s"),
-        (("--rate-per-min", 0), "rate_per_min"),
-        (("--rate-per-min", "nan"), "rate_per_min"),
+        ((), "--rate-per-min"),
+        (("--rate-per-min", 120, "--burst-ms", 50, "--every-s", 5), "--rate-per-min"),
+        (("--burst-ms", 50), "--every-s"),
+        (("--burst-ms", 50, "--every-s", 0.01), "--every-s"),
+        (("--rate-per-min", 0), "--rate-per-min"),
+        (("--rate-per-min", "nan"), "--rate-per-min"),
         (("--rate-per-min", "fast"), "rate-per-min"),
-        (("--rate-per-min", 120, "--limit-k", -3), "limit_k"),
-        (("--rate-per-min", 120, "--pulse-ms", -1), "pulse_s"),
+        (("--rate-per-min", 120, "--limit-k", -3), "--limit-k"),
+        (("--rate-per-min", 120, "--pulse-ms", -1), "--pulse-ms"),
         (("--rate-per-min", 120, "--minutes", -1), "minutes"),
     ],
 )

@@ -1,4 +1,4 @@
-"""The README keeps its word: every command in it runs, its Python runs, and what it points at is there."""
+"""README, tutorial and the page of commands keep their word: what they show runs as pasted, in order, in one folder."""
 
 from __future__ import annotations
 
@@ -9,46 +9,90 @@ import subprocess
 from pathlib import Path
 
 import pytest
+from pages import CHECKOUT, blocks, commands, needs_hardware
 
-CHECKOUT = Path(__file__).parents[2]
-TEXT = (CHECKOUT / "README.md").read_text(encoding="utf-8")
-
-
-def blocks(language: str) -> list[str]:
-    return re.findall(rf"^```{language}\n(.*?)^```$", TEXT, flags=re.MULTILINE | re.DOTALL)
-
-
-def commands() -> list[list[str]]:
-    lines = [shlex.split(line, comments=True) for block in blocks("sh") for line in block.splitlines()]
-    return [words for words in lines if words]
-
-
-def needs_hardware(words: list[str]) -> bool:
-    return words == ["haptics", "off"] or any("/dev/" in word for word in words)
+README, TUTORIAL = CHECKOUT / "README.md", CHECKOUT / "docs" / "tutorial.md"
+COMMANDS = CHECKOUT / "docs" / "reference" / "commands.md"
+SETUP = (["make", "demo"], ["make", "test"], [".", ".venv/bin/activate"])
+CHEAP = {
+    "run desk": "run tennis",
+    "--frames 100": "--frames 20",
+    "--for-s 1": "--for-s 0.05",
+}
+"""The same in less time."""
+ELSEWHERE = ("characterize", "validate", "tolerance", "garment", "fidelity prove", "fidelity stress", "link conformance")
+"""Commands that take seconds to minutes; ``tests/rigs``, ``tests/cli`` and ``tests/fidelity`` run them at their own sizes."""
 
 
-def test_every_command_in_the_readme_runs(haptics, tmp_path, monkeypatch):
+def run_page(page: Path, haptics, monkeypatch, folder: Path) -> list[str]:
+    """Run a page's commands, but for set-up, hardware and what runs elsewhere; returns those that ran."""
+    monkeypatch.chdir(folder)
+    done = []
+    for words in commands(page):
+        line = shlex.join(words[1:])
+        if words in SETUP or needs_hardware(words) or line.startswith(ELSEWHERE):
+            continue
+        assert words[0] == "haptics", words
+        for slow, fast in CHEAP.items():
+            line = line.replace(slow, fast)
+        finished = haptics(*shlex.split(line))
+        assert finished.code == 0, f"{shlex.join(words)}\n{finished.err}"
+        assert finished.out.strip() or "--out" in words
+        done.append(line)
+    return done
+
+
+def run_python(page: Path) -> None:
+    for block in blocks(page, "python"):
+        exec(compile(block, page.name, "exec"), {})
+
+
+def test_the_readme_runs_as_pasted(haptics, capsys, tmp_path, monkeypatch):
+    ran = run_page(README, haptics, monkeypatch, tmp_path)
+    assert ran == ["scenes", "run playground --hand synthetic --out playground.h5 --force"]
+    run_python(README)
+    out = capsys.readouterr().out
+    assert "pins_out=('index_tip',)" in out
+    assert "faults=()" in out
+
+
+def test_the_readme_is_read_in_minutes():
+    assert len(README.read_text(encoding="utf-8").split()) < 700
+
+
+def test_the_tutorial_runs_as_pasted_and_ends_in_a_felt_grasp(haptics, capsys, tmp_path, monkeypatch):
+    pytest.importorskip("matplotlib", reason="extra `report`")
+    (ball,) = blocks(TUTORIAL, "toml")
+    (tmp_path / "ball.toml").write_text(ball, encoding="utf-8")
+    ran = run_page(TUTORIAL, haptics, monkeypatch, tmp_path)
+    assert [line.split()[0] for line in ran] == ["run", "recording", "replay"]
+    assert (tmp_path / "ball.png").read_bytes().startswith(b"\x89PNG")
+    run_python(TUTORIAL)
+    out = capsys.readouterr().out
+    assert re.search(r"^\d\.\d{3} s  grasp_begin", out, re.MULTILINE)
+    assert "pins out: thumb_tip, index_tip, middle_tip; " in out
+
+
+def test_what_the_tutorial_says_of_its_grasp_is_so(haptics, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    known = [words for words in commands() if words[0] == "haptics"]
-    assert len(known) >= 10
-    for words in known:
-        if not needs_hardware(words):
-            done = haptics(*words[1:])
-            assert done.code == 0, f"{shlex.join(words)}\n{done.err}"
-            assert done.out.strip()
+    report = haptics("run", CHECKOUT / "examples" / "ball.toml", "--out", "ball.h5", "--json").json
+    index = report["brakes"][0]
+    assert (report["contacts"], report["grasps"], list(report["pulses"]["denied"])) == (4, 1, ["contact"])
+    assert 8.5 < index["peak_force_n"] < 10.0
+    assert round(index["peak_volts"], -2) == 1000.0
+    assert index["energy_j"] == pytest.approx(0.051, abs=0.002)
+    (ball,) = blocks(TUTORIAL, "toml")
+    assert ball.partition("\n")[2] == (CHECKOUT / "examples" / "ball.toml").read_text(encoding="utf-8").partition("\n")[2]
 
 
-def test_the_readme_uses_no_command_that_this_test_does_not_know():
-    assert {words[0] for words in commands()} == {"haptics", "make"}
+def test_the_page_of_commands_runs_as_pasted(haptics, tmp_path, monkeypatch):
+    (tmp_path / "glove.toml").write_text('side = "left"\n', encoding="utf-8")
+    from haptics.recording import Journal
 
-
-def test_commands_for_hardware_exist_too(haptics):
-    for words in commands():
-        if words[0] == "haptics" and needs_hardware(words):
-            allowed = haptics(*words[1:], "--help")
-            assert allowed.code == 0
-            for option in (word for word in words if word.startswith("--")):
-                assert option in allowed.out, shlex.join(words)
+    with Journal.create(tmp_path / "crashed.journal", {"seed": 1}) as journal:
+        journal.blob("glove.toml", b"x")
+        journal.commit()
+    assert len(run_page(COMMANDS, haptics, monkeypatch, tmp_path)) > 20
 
 
 def test_make_firmware_builds_both_images():
@@ -62,26 +106,16 @@ def test_make_firmware_builds_both_images():
         assert (CHECKOUT / "build" / "firmware" / f"{board}.hex").read_text().startswith(":")
 
 
-def test_every_make_target_in_the_readme_exists():
-    targets = set(re.findall(r"^([a-z-]+):", (CHECKOUT / "Makefile").read_text(encoding="utf-8"), flags=re.MULTILINE))
-    named = {words[1] for words in commands() if words[0] == "make"} | set(re.findall(r"`make ([a-z-]+)`", TEXT))
-    assert {"demo", "test"} <= named <= targets
+def test_make_demo_says_what_it_does_before_it_takes_long():
+    done = subprocess.run(["make", "-n", "-B", "demo"], cwd=CHECKOUT, capture_output=True, text=True, check=True)
+    lines = done.stdout.splitlines()
+    install = next(place for place, line in enumerate(lines) if "pip install -c" in line)
+    play = next(place for place, line in enumerate(lines) if "haptics run examples/ball.toml" in line)
+    assert "--quiet" not in lines[install]
+    assert any("installing" in line for line in lines[:install])
+    assert "compiled" in lines[play - 1]
 
 
-def test_the_python_in_the_readme_runs(capsys, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    for block in blocks("python"):
-        exec(compile(block, "README.md", "exec"), {})
-    out = capsys.readouterr().out
-    assert "pins_out=('index_tip',)" in out
-    assert "faults=()" in out
-    assert not list(tmp_path.iterdir())
-
-
-@pytest.mark.parametrize("target", sorted(set(re.findall(r"\]\(([^)#]+)", TEXT))))
-def test_what_the_readme_points_at_is_there(target):
-    if "://" not in target:
-        path = CHECKOUT / target
-        assert path.exists()
-        if path.suffix == ".png":
-            assert path.read_bytes().startswith(b"\x89PNG\r\n\x1a\n")
+def test_pictures_on_the_readme_are_there():
+    for target in re.findall(r"!\[[^\]]*\]\(([^)]+)\)", README.read_text(encoding="utf-8")):
+        assert (CHECKOUT / target).read_bytes().startswith(b"\x89PNG\r\n\x1a\n")

@@ -150,7 +150,7 @@ def test_a_file_of_ones_own_is_read_with_its_mesh_beside_it(tmp_path: Path):
 def test_an_unknown_scene_lists_what_ships_and_a_missing_file_is_named(tmp_path: Path):
     with pytest.raises(InputError, match="desk, playground, posture, resistance, tennis, workplace"):
         load_scene("kitchen")
-    with pytest.raises(InputError, match="nearest: playground"):
+    with pytest.raises(InputError, match="did you mean playground"):
         load_scene("playgroud")
     with pytest.raises(InputError, match=r"gone\.toml"):
         load_scene(tmp_path / "gone.toml")
@@ -174,7 +174,7 @@ def test_an_unknown_scene_lists_what_ships_and_a_missing_file_is_named(tmp_path:
         ('kind = "contact"', 'kind = "contact", sites = ["elbow"]', r"mine\.toml:5: .*thumb_tip"),
         ('name = "ball"', 'name = "Ball 1"', r"mine\.toml:3: name = 'Ball 1' in .*; expected lower-case"),
         ('summary = "one ball"', "", r"mine\.toml:1: key 'summary' is missing"),
-        ('summary = "one ball"', 'summary = "x"\nsummry = "y"', r":2: unknown key 'summry'; known keys: .*; nearest: summary"),
+        ('summary = "one ball"', 'summary = "x"\nsummry = "y"', r":2: unknown key 'summry'; known keys: .*did you mean summary"),
         ('summary = "one ball"', "summary = 2020-01-01", "mine.toml: .*expected texts"),
         ("effects =", 'colour = "red"\neffects =', r"key 'colour' in \[\[objects\]\] 'ball'; known keys: name, shape"),
         ("effects =", 'placement = "ceiling"\neffects =', r":5: placement = 'ceiling' in .*; allowed: world, palm, in_hand"),

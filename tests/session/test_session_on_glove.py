@@ -160,7 +160,7 @@ def test_messages_name_what_was_typed():
             haptics.InputError, match=r"^force_n = 30 N needs 17\d\d V; the index brake holds at most 2\d\.\d N at 1500 V$"
         ):
             glove.brake("index", force_n=30)
-        with pytest.raises(haptics.InputError, match=r"name = 'indx' is not allowed; allowed: index, thumb; nearest: index"):
+        with pytest.raises(haptics.InputError, match=r"name = 'indx' is not allowed; allowed: index, thumb; did you mean index"):
             glove.brake("indx", volts=100)
         with pytest.raises(haptics.InputError, match="without a tactor array"):
             glove.burst("index_tip")
@@ -190,7 +190,7 @@ def test_joints_in_an_engines_own_basis_are_the_same_frame(name):
     np.testing.assert_allclose(frame.position_m[1:], own.position_m[1:], atol=1e-12)
     np.testing.assert_allclose(frame.orientation_xyzw[1:], own.orientation_xyzw[1:], atol=1e-12)
     np.testing.assert_allclose(frame.position_m[0], own.position_m[0], atol=0.01)
-    with pytest.raises(haptics.InputError, match=r"basis = 'unty' .*nearest: unity"):
+    with pytest.raises(haptics.InputError, match=r"basis = 'unty' .*did you mean unity"):
         haptics.HandFrame.from_joints(time_ns, "right", joints, basis="unty")
 
 

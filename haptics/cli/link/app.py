@@ -10,8 +10,9 @@ from haptics.cli.link.conformance import conformance
 from haptics.cli.link.monitor import identify, monitor
 from haptics.cli.link.stress import stress
 from haptics.cli.show import print_json, print_table
+from haptics.cli.typed import Commands
 
-app = typer.Typer(help="Serial links and boards.", no_args_is_help=True)
+app = Commands(help="Look at serial links and boards, and try them.", no_args_is_help=True)
 app.command("identify")(identify)
 app.command("monitor")(monitor)
 app.command("conformance")(conformance)
@@ -37,7 +38,7 @@ def off(
 ) -> None:
     """Make every board that is found safe: nothing energised, disarmed.
 
-    Exit code 0: every board named (or found) said that it is off. 2: a named one did not. 1: one that was found did not.
+    Exit code 0: every board named (or found) reported that it is off. 2: a named one did not. 1: one that was found did not.
     """
     from haptics.session.off import make_safe
 

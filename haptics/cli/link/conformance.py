@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from haptics.cli.link.monitor import bauds
 from haptics.cli.show import print_json, print_table, progress_unless
 from haptics.link.messages import DEFAULT_BAUD
 
@@ -15,7 +16,7 @@ def conformance(
     arm: Annotated[
         bool, typer.Option("--arm", help="on hardware: also the rules that arm it. OUTPUTS MOVE, up to 1000 V")
     ] = False,
-    baud: Annotated[int, typer.Option("--baud", help="of the line, baud", min=1)] = DEFAULT_BAUD,
+    baud: Annotated[int, typer.Option("--baud", help="rate of the line, baud")] = DEFAULT_BAUD,
     json: Annotated[bool, typer.Option("--json", help="print one JSON object")] = False,
 ) -> None:
     """Hold a board against the protocol, rule by rule. A simulated board is armed; hardware only with --arm.
@@ -24,7 +25,7 @@ def conformance(
     """
     from haptics.link_trial.conformance import FAILED, NOT_APPLICABLE, OK, try_board
 
-    report = try_board(port, arms=arm, baud=baud, progress=progress_unless(json))
+    report = try_board(port, arms=arm, baud=bauds(baud), progress=progress_unless(json))
     counts = {"passed": report.count(OK), "failed": report.count(FAILED), "not_applicable": report.count(NOT_APPLICABLE)}
     if json:
         print_json({"port": report.port, "identity": report.identity, "rules": report.rules, **counts})

@@ -8,15 +8,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from haptics.cli.layout import layout, quantity
 from haptics.cli.show import plain, print_json, print_pairs
 from haptics.link.messages import DEFAULT_BAUD
-from haptics.units import in_range
+from haptics.units import in_range, whole_number
 
 if TYPE_CHECKING:
     from haptics.link_trial.monitor import Look
 
 _PORT = typer.Option("--port", help="the board: sim://tactiles, /dev/ttyACM0, ...")
-_BAUD = typer.Option("--baud", help="of the line, baud", min=1)
+_BAUD = typer.Option("--baud", help="rate of the line, baud")
 _JSON = typer.Option("--json", help="print one JSON object")
 
 
@@ -25,10 +26,10 @@ def identify(
     baud: Annotated[int, _BAUD] = DEFAULT_BAUD,
     json: Annotated[bool, _JSON] = False,
 ) -> None:
-    """Say which board is behind a port, or why none answers."""
+    """Report which board is behind a port, or why none answers."""
     from haptics.link_trial.monitor import identify as ask
 
-    who = ask(port, baud)
+    who = ask(port, bauds(baud))
     if json:
         print_json(who)
     else:
@@ -47,7 +48,7 @@ def monitor(
 
     if for_s is not None:
         in_range("for-s", for_s, 0.0, float("inf"), "s")
-    runner, link = open_link(port, baud)
+    runner, link = open_link(port, bauds(baud))
     try:
         connect(runner)
         watched = Monitor(runner, link, baud)
@@ -63,6 +64,11 @@ def monitor(
         raise typer.Exit(1)
 
 
+def bauds(baud: int) -> int:
+    """The rate of a line, checked here since a port's own refusal would blame the port."""
+    return whole_number("baud", baud, 50, 4_000_000)
+
+
 def _watch(watched: Any, for_s: float | None, live: bool) -> Look:
     """Watch, with a table that follows where a person looks at it; ctrl-c ends it."""
     try:
@@ -71,7 +77,7 @@ def _watch(watched: Any, for_s: float | None, live: bool) -> Look:
         from rich.live import Live
 
         with Live(refresh_per_second=10, transient=True) as screen:
-            return watched.watch(for_s, lambda look: screen.update(_table(look)))
+            return watched.watch(for_s, lambda look: screen.update(_table(look, screen.console.width)))
     except KeyboardInterrupt:
         return watched.look()
 
@@ -83,12 +89,6 @@ def _rows(look: Look) -> dict[str, Any]:
     return {**rows, **{f.name: getattr(look.counters, f.name) for f in dataclasses.fields(look.counters)}, "counters": "below"}
 
 
-def _table(look: Look) -> Any:
-    from rich.table import Table
-
-    table = Table(title=f"{look.port}, ctrl-c ends", title_justify="left", header_style="bold")
-    table.add_column("quantity")
-    table.add_column("value")
-    for name, value in _rows(look).items():
-        table.add_row(name, f"{value:.4g}" if isinstance(value, float) else str(value))
-    return table
+def _table(look: Look, width: int) -> Any:
+    rows = (quantity(name, value) for name, value in _rows(look).items())
+    return layout(f"{look.port}, ctrl-c ends", ("quantity", "value"), rows, width)

@@ -11,7 +11,7 @@ from haptics.cli.show import print_json, print_pairs
 
 def stress(
     port: Annotated[str, typer.Option("--port", help="the board: sim://tactiles, sim://brake?core=c, /dev/ttyACM0, ...")],
-    frames: Annotated[int, typer.Option("--frames", help="commands to send")] = 1000,
+    frames: Annotated[int, typer.Option("--frames", help="number of commands to send")] = 1000,
     faults: Annotated[
         str,
         typer.Option(
@@ -20,12 +20,12 @@ def stress(
             "(of delay_ms=30); and unplug_s=, stall_s= (s), garbage= (bytes), dtr_reset=1",
         ),
     ] = "",
-    seed: Annotated[int, typer.Option("--seed", help="of commands and faults")] = 1,
+    seed: Annotated[int, typer.Option("--seed", help="seed of commands and faults")] = 1,
     json: Annotated[bool, typer.Option("--json", help="print one JSON object")] = False,
 ) -> None:
-    """Arm a board, send it commands over a line with faults, fall silent, and say which promises held. OUTPUTS MOVE.
+    """Arm a board, send it commands over a line with faults, fall silent, and report which promises held. OUTPUTS MOVE.
 
-    Exit code 1: a promise was broken (the last lines say which).
+    Exit code 1: a promise was broken (the last lines name it).
     """
     from haptics.link_trial.stress import stress as run
 

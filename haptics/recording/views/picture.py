@@ -1,7 +1,7 @@
 """A recording as one still picture (extra ``report``).
 
-Above: the hand at the moment when most pins were out, and the run in numbers. Below, over time: which pins were out and when
-the hand touched, the brakes' volts and force, the temperature rises.
+Above: the hand at the moment when most pins were out, and the run in numbers. Below, over time: which pins were out, which were
+pulsed and when the hand touched, the brakes' volts and force, the temperature rises.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from haptics.recording.recording import Recording
 from haptics.recording.views import view_data
 from haptics.recording.views.hand_picture import SHAPE, draw_hand
 from haptics.time import NS_PER_S
+from haptics.units import engineering
 
 _INK, _FAINT = "#2b2f36", "#c9ced6"
 _COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00")
@@ -148,7 +149,7 @@ def _numbers(recording: Recording, ticks: NDArray[np.void], names: Sequence[str]
             row, column = np.unravel_index(np.nanargmax(values), values.shape)
             where = view_data.labels(what, values.shape[1], "output")[column].replace("_", " ")
             if values[row, column] > 0:
-                lines.append(f"{label}: {values[row, column]:.3g} {unit} ({where})")
+                lines.append(f"{label}: {engineering(values[row, column], unit, 3)} ({where})")
     troubles = [words for _, level, words in view_data.events_of(recording) if level == "WARN" and " denied: " not in words]
     if troubles:
         lines.append(f"faults and refusals: {len(troubles)}")
@@ -163,14 +164,28 @@ def _pins(panel: Any, recording: Recording, names: Sequence[str], ticks: NDArray
     for lane, state in enumerate(out.T):
         spans = [(time_s[first], time_s[last] - time_s[first]) for first, last in _stretches(state)]
         panel.broken_barh(spans, (lane - 0.36, 0.72), color=_COLOURS[0], linewidth=0)
+    pulses = _pulses(recording, lanes, origin_ns)
+    if pulses:
+        panel.plot(*zip(*pulses, strict=True), "|", color=_COLOURS[2], markersize=5, markeredgewidth=0.9, label="pulse")
     touched = [(time_ns, site) for time_ns, site in view_data.touches_of(recording) if site in lanes]
     touches = [((time_ns - origin_ns) / NS_PER_S, lanes.index(site)) for time_ns, site in touched]
     if touches:
         panel.plot(*zip(*touches, strict=True), "|", color=_COLOURS[1], markersize=9, markeredgewidth=1.6, label="hand touches")
+    if pulses or touches:
         panel.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
-    panel.set(yticks=range(len(lanes)), ylim=(len(lanes) - 0.5, -0.5), ylabel="pin out")
+    panel.set(yticks=range(len(lanes)), ylim=(len(lanes) - 0.5, -0.5), ylabel="pins: out, pulsed")
     panel.set_yticklabels([lane.replace("_", " ") for lane in lanes], fontsize=7.5)
     panel.grid(axis="y")
+
+
+def _pulses(recording: Recording, lanes: Sequence[str], origin_ns: int) -> list[tuple[float, int]]:
+    """When the pulses that were played began, s, and the lane of each."""
+    requests = view_data.rows(recording, "requests", ("site", "kind", "played"))
+    pulses = requests[(requests["played"] == 1) & (requests["kind"] == b"pulse")] if len(requests) else requests
+    sites = (site if isinstance(site, int) else site.decode(errors="replace") for site in pulses["site"].tolist())
+    found = zip(view_data.seconds(pulses["time_ns"], origin_ns).tolist(), sites, strict=True)
+    places = ((time_s, site if isinstance(site, int) else lanes.index(site) if site in lanes else -1) for time_s, site in found)
+    return [(time_s, lane) for time_s, lane in places if 0 <= lane < len(lanes)]
 
 
 def _curves(panel: Any, time_s: NDArray[np.float64], values: NDArray[Any], label: str, brakes: Sequence[str]) -> None:

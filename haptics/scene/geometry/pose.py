@@ -102,7 +102,8 @@ def _rotation(xyzw: Sequence[float]) -> Array:
 def multiply_xyzw(a: Sequence[float], b: Sequence[float]) -> tuple[float, float, float, float]:
     """Quaternion product ``a·b``: the turn ``b`` followed by the turn ``a``.
 
-    :param a, b: quaternions x, y, z, w, not zero.
+    :param a: quaternions x, y, z, w, not zero.
+    :param b: likewise, with ``a``.
     :return: normalised.
     """
     ax, ay, az, aw = a
@@ -122,7 +123,8 @@ def shortest_turn_xyzw(start: Array, end: Array) -> tuple[float, float, float, f
 
     Opposite directions leave the axis open; one at right angles to ``start`` is taken, always the same one.
 
-    :param start, end: (3,), any length above zero.
+    :param start: (3,), any length above zero.
+    :param end: likewise, with ``start``.
     :return: unit quaternion x, y, z, w.
     """
     (a, b, c), (x, y, z) = start.tolist(), end.tolist()  # plain numbers: three components are too few for numpy to pay

@@ -291,7 +291,8 @@ def segment_meets(body: Placed, start_m: Array, end_m: Array, resolution_m: floa
     ``resolution_m`` along the segment may be passed over.
 
     :param body: the body where it is.
-    :param start_m, end_m: ends of the segment, (3,), metres, in the world.
+    :param start_m: ends of the segment, (3,), metres, in the world.
+    :param end_m: likewise, with ``start_m``.
     :param resolution_m: smallest step, metres, above 0.
     :return: whether a point of the segment lies on the surface or inside.
     """

@@ -1,0 +1,135 @@
+"""Errors name what was typed: every option that is a number, in its own unit, with its own value, found by looking at the app."""
+
+from __future__ import annotations
+
+import math
+import pickle
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+import typer
+
+from haptics.cli.commands import add_installed_commands, app
+from haptics.cli.typed import as_typed
+from haptics.errors import NotOneOf, OutOfRange
+
+NEEDED = {
+    "run": ("desk",),
+    "predict thermal": ("--rate-per-min", "60"),
+    "predict brake": ("--volts", "100"),
+    "fidelity plan": ("desk",),
+    "fidelity prove": ("desk",),
+    "link stress": ("--port", "sim://tactiles"),
+    "link monitor": ("--port", "sim://tactiles", "--for-s", "0.1"),
+    "link identify": ("--port", "sim://tactiles"),
+    "link conformance": ("--port", "sim://tactiles"),
+    "link simulate": ("tactiles", "--for-s", "0"),
+    "garment design": ("--garment", "sleeve", "--motion", "elbow_flexion", "--coverage", "0.9", "--level", "coarse"),
+    "garment patch": ("--design", "strip"),
+    "garment report": ("--out", "page.html"),
+    "characterize": ("thermal",),
+}
+"""What a command must be given besides."""
+TOGETHER = {
+    "predict thermal --burst-ms": ("--every-s", "1"),
+    "predict thermal --burst-hz": ("--burst-ms", "100", "--every-s", "1"),
+    "predict thermal --every-s": ("--burst-ms", "100"),
+    "predict brake --force-n": (),
+    "garment bodies --angle-deg": ("--export", "body.obj", "--motion", "elbow_flexion"),
+}
+"""What an option is only looked at with."""
+IN_PLACE_OF = {"predict brake --force-n": "--volts", "predict thermal --burst-ms": "--rate-per-min"}
+IN_PLACE_OF |= dict.fromkeys(("predict thermal --burst-hz", "predict thermal --every-s"), "--rate-per-min")
+ON_A_DESIGN = ("garment evaluate", "garment export")
+"""Commands that need a design first: ``tests/cli/test_garment_command.py``."""
+NUMBERS = (int, float, list[int], list[float])
+
+
+def numbers() -> Iterator[tuple[str, str]]:
+    """Every option that takes a number: command, option."""
+    add_installed_commands()
+
+    def walk(command: Any, name: str) -> Iterator[tuple[str, str]]:
+        for word, one in getattr(command, "commands", {}).items():
+            yield from walk(one, f"{name} {word}".strip())
+        for option in command.params:
+            if option.param_type_name == "option" and option.type_descriptor.annotation in NUMBERS:
+                yield name, option.opts[0]
+
+    return walk(typer.main.get_command(app), "")
+
+
+CASES = [(name, option) for name, option in numbers() if name not in ON_A_DESIGN]
+
+
+def without(words: tuple[str, ...], option: str | None) -> list[str]:
+    found = list(words)
+    if option in found:
+        del found[found.index(option) : found.index(option) + 2]
+    return found
+
+
+def test_the_app_has_many_options_that_are_numbers():
+    assert len(CASES) > 50
+
+
+@pytest.mark.parametrize(("name", "option"), CASES, ids=[" ".join(case) for case in CASES])
+def test_a_number_out_of_range_is_named_as_it_was_typed(name, option, command, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    case = f"{name} {option}"
+    given = [*without(without(NEEDED.get(name, ()), option), IN_PLACE_OF.get(case)), *TOGETHER.get(case, ())]
+    code, _, err = command(*name.split(), *given, option, "-77777")
+    words = " ".join(err.replace("│", " ").split())
+    assert code == 2, words
+    assert option in words
+    assert "77777" in words
+
+
+@pytest.mark.parametrize(
+    ("argument", "value", "high", "unit", "option", "typed", "said"),
+    [
+        ("pulse_s", 20.0, 0.1, "s", "--pulse-ms", 20000.0, "--pulse-ms = 20000 ms; allowed 0 to 100 ms"),
+        ("thickness_m", 0.02, 0.01, "m", "--thickness-um", 20000.0, "--thickness-um = 20000 µm; allowed 0 to 10000 µm"),
+        ("latency", 300.0, 100.0, "ms", "--latency-ms", 300.0, "--latency-ms = 300 ms; allowed 0 to 100 ms"),
+        ("volts", 1501.0, 1500.0, "V", "--volts", 1501.0, "--volts = 1501 V; allowed 0 to 1500 V"),
+        (
+            "rate_per_min",
+            1e9,
+            math.inf,
+            "1/min",
+            "--rate-per-min",
+            1e9,
+            "--rate-per-min = 1000000000 1/min; allowed at least 0 1/min",
+        ),
+        ("other_s", 1.0, 0.1, "s", "--pulse-ms", 20.0, "other_s = 1 s; allowed 0 to 0.1 s"),
+    ],
+)
+def test_units_are_those_of_the_option(argument, value, high, unit, option, typed, said):
+    context = type("Context", (), {})()
+    name = option.strip("-").replace("-", "_")
+    parameter = type("Parameter", (), {"name": name, "opts": [option], "param_type_name": "option"})()
+    context.command, context.params = type("Command", (), {"params": [parameter]})(), {name: typed}
+    assert as_typed(OutOfRange(argument, value, 0.0, high, unit), context) == said
+
+
+def test_a_word_that_is_nearly_right_gets_the_right_one(refused):
+    assert "--direction = 'offon' is not allowed; allowed: off-on, on-off; did you mean off-on?" in refused(
+        "predict", "latch", "--direction", "offon"
+    )
+    assert "did you mean" not in str(NotOneOf("finger", "toe", "'toe'", ("index", "thumb")))
+
+
+def test_a_message_in_words_speaks_of_options_too(refused):
+    said = refused("predict", "thermal", "--burst-ms", 50)
+    assert "either --rate-per-min, or --burst-ms together with --every-s" in said
+
+
+def test_errors_come_home_from_other_processes():
+    for error in (OutOfRange("pulse_s", 20.0, 0.0, 0.1, "s"), NotOneOf("finger", "toe", "'toe'", ("index", "thumb"))):
+        assert str(pickle.loads(pickle.dumps(error))) == str(error)
+        assert vars(pickle.loads(pickle.dumps(error))) == vars(error)
+
+
+def test_a_command_that_is_nearly_right_gets_the_right_one(refused):
+    assert "Did you mean 'scenes'?" in refused("scene")
