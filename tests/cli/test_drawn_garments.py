@@ -207,7 +207,7 @@ def test_a_bent_body_is_exported_to_look_at(tmp_path, answer, refused):
     )
     assert "allowed 1 to 120 deg" in refused(*words_, "--force", "--motion", "elbow_flexion", "--angle-deg", "170")
     assert "without a motion" in refused(*words_, "--force", "--angle-deg", "20")
-    assert "with --export only" in refused("garment", "bodies", "--motion", "slouch")
+    assert "only with --export" in refused("garment", "bodies", "--motion", "slouch")
 
 
 def test_a_mask_drawn_in_other_units_is_named(tmp_path, refused, answer):

@@ -43,7 +43,7 @@ def test_tables_name_what_they_show(command, monkeypatch):
     for words, named in (
         (("fidelity", "plan", "desk"), ("latch", "unnoticed", "no grasp")),
         (("fidelity", "measure", "--shipped"), ("arrival time, ms", "dynamic", "us an event")),
-        (("fidelity", "stress", "--quick", "--model", "thermal"), ("two_node", "100 years", "True")),
+        (("fidelity", "stress", "--quick", "--model", "thermal"), ("two_node", "100 years", "yes")),
     ):
         code, out, _ = command(*words)
         assert code == 0
@@ -66,7 +66,7 @@ def test_a_proof_says_whether_it_was_kept_by_its_exit_code(command, strict_json)
 @pytest.mark.parametrize(
     ("words", "named"),
     [
-        (("fidelity", "plan", "desk", "--tolerance-jnd", "0"), "tolerance_jnd"),
+        (("fidelity", "plan", "desk", "--tolerance-jnd", "0"), "--tolerance-jnd = 0"),
         (("fidelity", "plan", "desk", "--budget", "-1"), "budget"),
         (("fidelity", "plan", "desk", "--level", "latch"), "MODEL=LEVEL"),
         (("fidelity", "plan", "desk", "--level", "latch=fast"), "fast"),

@@ -330,7 +330,7 @@ class TestEvaluate:
         monkeypatch.setenv("COLUMNS", "160")
         code, out, _ = command("garment", "evaluate", designed[0], "--steps", "2", "--against", "line")
         assert code == 0
-        for words in ("torque", "x: energy", "reinforced part (5.6)", "45"):
+        for words in ("torque", "line: energy", "reinforced part (5.6)", "45"):
             assert words in out
 
     def test_an_angle_without_equilibrium_is_a_failed_limit(self, designed, command, monkeypatch):
@@ -458,7 +458,7 @@ class TestPatch:
             (("--design", "spiral"), "allowed: none, full, strip, line, x"),
             (("--design", "strip", "--coverage", "1.1"), "allowed 0 to 1"),
             (("--design", "strip", "--strain", "-0.1"), "allowed 0 to 2"),
-            (("--design", "strip", "--angle-deg", "200"), "allowed: -90 to 90"),
+            (("--design", "strip", "--angle-deg", "200"), "allowed -90 to 90"),
         ],
     )
     def test_refuses(self, words, why, refused):

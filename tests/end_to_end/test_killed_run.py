@@ -19,7 +19,7 @@ from haptics.recording import Recording, load
 from haptics.session.configuration import Configuration
 from haptics.session.recorder import COMMIT_NS
 from haptics.session.run import RunOptions, run_scene
-from haptics.session.session import SAMPLE_NS
+from haptics.session.sampler import SAMPLE_NS
 
 pytestmark = pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="kills as POSIX does")
 SCENE = "tennis"  # drives both boards

@@ -642,7 +642,7 @@ def test_contradictions_are_found_by_what_they_concern() -> None:
     for lookup in (published, curve, contradictions_of):
         with pytest.raises(InputError, match=r"'thermal_ta' is not known"):
             lookup("thermal_ta")
-    with pytest.raises(InputError, match="did you mean thermal_tau"):
+    with pytest.raises(InputError, match="nearest: thermal_tau"):
         published("thermal_ta")
 
 

@@ -146,7 +146,7 @@ def test_a_port_of_a_kind_that_is_not_opened_is_refused_in_a_file(tmp_path, part
             {"tactiles": {"calibration": {"index_tip": {"tau": 5}}}},
             "unknown key 'tau' in [tactiles.calibration.index_tip]; known keys: tau_s, tau_sd_s",
         ),
-        ({"brake": {"port": "spy://x"}}, "port in [brake]: port = 'spy://x' is of a kind"),
+        ({"brake": {"port": "spy://x"}}, "port in [brake]: port = 'spy://x' has the unknown kind"),
     ],
 )
 def test_an_unknown_key_is_refused_with_those_there_are(table, said):

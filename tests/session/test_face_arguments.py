@@ -26,7 +26,17 @@ def glove():
 def refused(call, *args, **kwargs) -> str:
     with pytest.raises(InputError) as caught:
         call(*args, **kwargs)
-    words = ("allowed", "expected", "at most", "No such file", "no such file", "directory", "does not exist")
+    words = (
+        "allowed",
+        "expected",
+        "at most",
+        "No such file",
+        "no such file",
+        "directory",
+        "does not exist",
+        "known keys",
+        "given twice",
+    )
     assert any(word in str(caught.value) for word in words)
     return str(caught.value)
 

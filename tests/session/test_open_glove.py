@@ -282,7 +282,7 @@ def test_off_clears_a_latched_dead_man_so_that_the_glove_can_be_armed_again():
             link.advance(late_ns)
         clock.advance_to(late_ns)
         glove.advance(0.05)
-        with pytest.raises(HapticsError, match=r"latched: dead_man .*off\(\) of an open glove"):
+        with pytest.raises(HapticsError, match=r"latched: dead_man; .*off\(\) of an open glove"):
             glove.arm()
         glove.off()
         glove.arm()
