@@ -161,7 +161,8 @@ class Devices:
         url = with_defaults(part.port, **defaults)
         if not self.realtime and not is_simulated(url):
             raise InputError(
-                f"port = {part.port!r} is hardware, which runs in real time (--realtime); expected a sim://… port in virtual time"
+                f"port = {part.port!r} is hardware, which runs in real time (--realtime, or haptics.open without clock); "
+                "expected a sim://… port in virtual time"
             )
         port = open_port(url, part.baud)
         if not self.realtime and query_of(url).get("clock") != "virtual":

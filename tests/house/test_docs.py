@@ -83,6 +83,14 @@ def test_every_command_line_names_a_command_and_its_options(page):
         assert used <= KNOWN[name], words
 
 
+def test_every_command_named_in_a_sentence_exists():
+    for page in PAGES:
+        for words in re.findall(r"`haptics (?!journal)([a-z]+(?: [a-z]+)?)", page.read_text(encoding="utf-8")):
+            group = words.split()[0]
+            grouped = any(name.startswith(f"{group} ") for name in KNOWN)
+            assert (words if grouped else group) in KNOWN, f"{page}: haptics {words}"
+
+
 def test_the_page_of_commands_has_every_command():
     lines = [" ".join(words) for words in commands(DOCS / "reference" / "commands.md")]
     leaves = [name for name in KNOWN if not any(other.startswith(f"{name} ") for other in KNOWN) and name]

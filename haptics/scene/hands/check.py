@@ -67,7 +67,8 @@ def check_frame(frame: HandFrame, previous: HandFrame | None) -> str | None:
     # Worst first, by argmax, which takes a NaN for the maximum; comparisons that a NaN fails.
     joint, axis = divmod(int(np.abs(position).argmax()), 3)
     if not abs(position[joint, axis]) <= FARTHEST_M:
-        where = f"{JOINTS[joint]} lies at {position[joint, axis]:g} m along {'xyz'[axis]}; allowed: within {FARTHEST_M:g} m"
+        place = f"{position[joint, axis]:g} m along {'xyz'[axis]}"
+        where = f"{JOINTS[joint]} lies at {place}; allowed: within {FARTHEST_M:g} m; is the unit metres?"
         return where if np.isfinite(position).all() else f"the position of {_not_finite(position)} is not finite"
     norm = np.sqrt(np.vecdot(orientation, orientation))
     joint = int(np.abs(norm - 1.0).argmax())
