@@ -83,10 +83,10 @@ def as_typed(error: HapticsError, ctx: Any) -> str:
     :param ctx: click's context of the command.
     :return: the message; unchanged where it is about nothing that was typed.
     """
-    text, options = str(error), ctx.command.params
+    text, given = str(error), [one for one in ctx.command.params if _given(one, ctx)]
     if not isinstance(error, OutOfRange | NotOneOf):
-        return _NAME.sub(lambda found: _in_words(found, options), text)
-    option = next((one for one in options if _means(one, error.name)), None)
+        return _NAME.sub(lambda found: _in_words(found, given if found[2] else ctx.command.params), text)
+    option = next((one for one in given if _means(one, error.name)), None)
     if option is None:
         return text
     if isinstance(error, NotOneOf):
@@ -97,7 +97,12 @@ def as_typed(error: HapticsError, ctx: Any) -> str:
     return f"{_shown(option)} = {typed:.10g}{suffix}; allowed {span(error.low * factor, error.high * factor, unit)}"
 
 
-_NAME = re.compile(r"(?<![\w.-])(\w+)( = |(?=\W|$))")
+def _given(option: Any, ctx: Any) -> bool:
+    """Whether it was typed: what a file or a URL holds may have the same name."""
+    return getattr(ctx.get_parameter_source(option.name), "name", "") == "COMMANDLINE"
+
+
+_NAME = re.compile(r"(?<![\w.'\"-])(\w+)( = |(?=\W|$))")
 
 
 def _in_words(found: re.Match[str], options: list[Any]) -> str:

@@ -110,6 +110,7 @@ def test_units_are_those_of_the_option(argument, value, high, unit, option, type
     name = option.strip("-").replace("-", "_")
     parameter = type("Parameter", (), {"name": name, "opts": [option], "param_type_name": "option"})()
     context.command, context.params = type("Command", (), {"params": [parameter]})(), {name: typed}
+    context.get_parameter_source = lambda _name: type("Source", (), {"name": "COMMANDLINE"})
     assert as_typed(OutOfRange(argument, value, 0.0, high, unit), context) == said
 
 
@@ -133,3 +134,12 @@ def test_errors_come_home_from_other_processes():
 
 def test_a_command_that_is_nearly_right_gets_the_right_one(refused):
     assert "Did you mean 'scenes'?" in refused("scene")
+
+
+def test_what_a_file_holds_is_not_taken_for_an_option(tmp_path, refused):
+    (tmp_path / "g.toml").write_text('side = "up"\n')
+    assert "--side" not in refused("run", "tennis", "--config", tmp_path / "g.toml")
+    ball = 'summary = "x"\n[[objects]]\nname = "b"\nplacement = "palm"\nshape = { kind = "sphere", radius_m = 0.03 }\n'
+    (tmp_path / "s.toml").write_text(ball + 'effects = [{ kind = "contact", force_n = 1 }]\n')
+    said = refused("run", tmp_path / "s.toml", "--out", tmp_path / "o.h5", "--force")
+    assert "unknown key 'force_n'" in said
