@@ -7,11 +7,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from difflib import get_close_matches
 from typing import Any
 from urllib.parse import urlsplit
 
-from haptics.errors import InputError
+from haptics.errors import InputError, nearest
 from haptics.link.port_url import query_of
 from haptics.units import in_range, one_of
 
@@ -82,9 +81,8 @@ def parse_options(query: Mapping[str, str], allowed: Mapping[str, Option]) -> di
     """
     for key in query:
         if key not in allowed:
-            near = get_close_matches(key, allowed, 1, 0.7)
-            meant = f"did you mean {near[0]!r}? " if near else ""
+            known = sorted(allowed)
             raise InputError(
-                f"{key}={query[key]}: unknown key {key!r} in the port's URL; {meant}known keys: {', '.join(sorted(allowed))}"
+                f"{key}={query[key]}: unknown key {key!r} in the port's URL; known keys: {', '.join(known)}{nearest(key, known)}"
             )
     return {key: option.parse(key, query[key]) if key in query else option.default for key, option in allowed.items()}

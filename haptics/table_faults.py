@@ -6,13 +6,17 @@ value and the table as the file writes them, with the keys or values that there 
 
 from __future__ import annotations
 
+import re
+import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from haptics.errors import InputError
 from haptics.units import brief, nearest
 
 if TYPE_CHECKING:
+    from pydantic import ValidationError
     from pydantic_core import ErrorDetails
 
 _UNKNOWN_KEY = ("extra_forbidden", "unexpected_keyword_argument")
@@ -33,7 +37,89 @@ _EXPECTED = {
     "model_attributes_type": "a table",
     "dataclass_type": "a table",
 }
+_UNITS = {
+    "s": "s",
+    "m": "m",
+    "m2": "m²",
+    "hz": "Hz",
+    "v": "V",
+    "a": "A",
+    "c": "C",
+    "w": "W",
+    "k": "K",
+    "k_per_w": "K/W",
+    "n_v2": "N/V²",
+    "n": "N",
+    "deg": "deg",
+}
+"""By the ending of a key."""
 _BOUNDS = ("greater_than", "greater_than_equal", "less_than", "less_than_equal")
+
+
+def read_toml(text: str, place: str) -> dict[str, Any]:
+    """The tables of a TOML file.
+
+    :param text: the file's.
+    :param place: what to call the file in messages.
+    :return: plain data.
+    :raises InputError: not TOML; with the line, what stands there and how it would be right.
+    """
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        found = re.match(r"(.*) \(at line (\d+), column (\d+)\)", str(error))
+        lines = text.splitlines()
+        message, line, column = found.groups() if found else (str(error), str(len(lines)), "the end")
+        at = int(line) - 1
+        seen = brief(lines[at].strip()) if 0 <= at < len(lines) else "the end of the file"
+        raise InputError(
+            f"{place}:{line}: {seen} is not TOML (column {column}: {message[:1].lower()}{message[1:]}); "
+            'expected key = value, with text in "quotes", or a [table]'
+        ) from error
+
+
+def faults_in_words(error: ValidationError, schema: Mapping[str, Any], data: object, place: str, text: str | None = None) -> str:
+    """Every fault of a file, each on a line of its own: file, line, and what is wrong.
+
+    :param error: of pydantic.
+    :param schema: JSON schema of the whole file.
+    :param data: the file's content as plain data.
+    :param place: what to call the file.
+    :param text: of the file; None where the data is no file's: no lines then.
+    :return: the lines.
+    """
+    lines: list[str] = []
+    for fault in error.errors(include_url=False):
+        where = place if text is None else f"{place}:{line_of(text, fault['loc'])}"
+        lines.append(f"{where}: {fault_in_words(fault, schema, data)}")
+    return "\n".join(lines)
+
+
+def line_of(text: str, keys: tuple[int | str, ...]) -> int:
+    """The line that best fits a place such as ``("objects", 2, "shape")``: TOML's reader keeps no lines.
+
+    :param text: of the file.
+    :param keys: names of tables and keys, and numbers of items, from the outside in.
+    :return: counted from 1.
+    """
+    lines = text.splitlines() or [""]
+    first, last = 0, len(lines)
+    if len(keys) >= 2 and isinstance(keys[1], int):
+        headers = [n for n, line in enumerate(lines) if re.match(rf"\s*\[\[\s*{re.escape(str(keys[0]))}\s*\]\]", line)]
+        if keys[1] < len(headers):
+            first = headers[keys[1]]
+            following = (n for n in range(first + 1, last) if re.match(r"\s*\[\[\s*\w+\s*\]\]", lines[n]))
+            last = next(following, last)
+    elif len(keys) >= 2:
+        within = rf"\s*\[\s*{re.escape(str(keys[0]))}\s*[.\]]"
+        first = next((n for n, line in enumerate(lines) if re.match(within, line)), 0)
+        following = (n for n in range(first + 1, last) if re.match(r"\s*\[", lines[n]) and not re.match(within, lines[n]))
+        last = next(following, last) if first or re.match(within, lines[0]) else last
+    for key in reversed([key for key in keys[1 if first else 0 :] if isinstance(key, str)]):
+        for number in range(first, last):
+            if re.search(rf"(^|[\s{{,.\[]){re.escape(key)}\s*[=\].]", lines[number]):
+                return number + 1
+    return first + 1
 
 
 def fault_in_words(fault: ErrorDetails, schema: Mapping[str, Any], data: object) -> str:
@@ -62,11 +148,12 @@ def fault_in_words(fault: ErrorDetails, schema: Mapping[str, Any], data: object)
     if kind == "value_error":
         where = place.name_of_itself if isinstance(fault["input"], dict) else f"{key}{inside}"
         return f"{where}: {fault['msg'].removeprefix('Value error, ')}"
-    seen = f"{key or 'the file'} = {brief(fault['input'])}{inside}"
+    unit = _unit_of(key)
+    seen = f"{key or 'the file'} = {brief(fault['input'])}{unit if kind in _BOUNDS else ''}{inside}"
     if kind == "literal_error":
         return f"{seen}; {_known('allowed', fault['input'], place.schema.get('enum', ()))}"
     if kind in _BOUNDS:
-        return f"{seen}; {_range(place.schema)}"
+        return f"{seen}; {_range(place.schema)}{unit}"
     if kind in ("too_long", "too_short") and "minItems" in place.schema:
         return f"{seen} has {len(fault['input'])} values; expected {place.schema['minItems']}"
     if kind == "string_pattern_mismatch":
@@ -167,6 +254,13 @@ def _kinds(schema: Mapping[str, Any]) -> tuple[str, list[str]]:
 def _known(what: str, given: object, names: Iterable[str]) -> str:
     names = [str(name) for name in names]
     return f"{what}: {', '.join(names)}{nearest(given, names)}"
+
+
+def _unit_of(key: str) -> str:
+    """A key's unit with a space before it, by its ending; nothing for a pure number."""
+    stem = key.partition("[")[0]
+    endings = [ending for ending in _UNITS if stem.endswith(f"_{ending}")]
+    return f" {_UNITS[max(endings, key=len)]}" if endings else ""
 
 
 def _range(schema: Mapping[str, Any]) -> str:

@@ -30,7 +30,7 @@ from haptics.link.ports import check_port
 from haptics.recording import StreamSpec
 from haptics.recording.ending import finish, keep
 from haptics.recording.leftovers import journal_of, refuse_leftover
-from haptics.recording.output import check_outputs
+from haptics.recording.output import check_folder, check_outputs
 from haptics.session.configuration import Configuration
 from haptics.session.devices import Devices
 from haptics.session.recorder import LinkRecorder, provenance
@@ -109,6 +109,7 @@ def check_record(options: BenchOptions) -> None:
     """
     if options.record is not None:
         journal = journal_of(options.record)
+        check_folder("record", options.record)
         refuse_leftover(journal, options.force)
         check_outputs({"recording": options.record, "its journal": journal}, options.force)
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from haptics.cli.layout import layout, quantity
-from haptics.errors import HapticsError, InputError
+from haptics.errors import HapticsError, InputError, nearest
 
 _PIPED_WIDTH = 160
 
@@ -80,11 +80,16 @@ def chosen_levels(pairs: list[str] | None) -> dict[str, str]:
 
     :raises InputError: no such pair, or a model named twice.
     """
+    from haptics.fidelity.plan import LADDERS
+
     chosen: dict[str, str] = {}
     for pair in pairs or ():
         model, found, level = pair.partition("=")
         if not found or model in chosen:
             raise InputError(f"level = {pair!r}; expected MODEL=LEVEL, once for each model, such as latch=dynamic")
+        if model not in LADDERS:
+            known = f"{', '.join(LADDERS)}{nearest(model, tuple(LADDERS))}"
+            raise InputError(f"level = {pair!r}: there is no model {model!r} with levels; expected {known}")
         chosen[model] = level
     return chosen
 

@@ -46,6 +46,23 @@ _KNOWN_AS = {
 class Command(TyperCommand):
     """A command whose errors speak of its options."""
 
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Read the options; a text that is no number is shown with what was expected.
+
+        :param ctx: click's context of this call.
+        :param args: the words after the command.
+        :return: those that are left.
+        :raises typer.BadParameter: an option cannot be read.
+        """
+        try:
+            return super().parse_args(ctx, args)
+        except typer.BadParameter as error:
+            for fault in getattr(error.__cause__, "errors", list)():
+                expected = "a whole number" if fault["type"].startswith("int_") else "a number"
+                if fault["type"].endswith("_parsing") or fault["type"] == "int_from_float":
+                    error.message = f"{fault['input']!r}; expected {expected}"
+            raise
+
     def invoke(self, ctx: Any) -> Any:
         """Run it.
 

@@ -14,13 +14,13 @@ from typing import Any
 
 import numpy as np
 
-from haptics.errors import InputError
 from haptics.fidelity.cases import brake as brake_cases, latch as latch_cases, thermal as thermal_cases
 from haptics.fidelity.cost import Cost, brake_cost, latch_cost, thermal_cost
 from haptics.fidelity.measured import Measured, MeasuredRow
 from haptics.physics.brake import levels as brake
 from haptics.physics.latch import pulse as latch
 from haptics.physics.thermal.plant import LEVELS as THERMAL_LEVELS
+from haptics.units import one_of
 from haptics.version import __version__
 
 KINDS = ("typical", "edge")
@@ -61,9 +61,7 @@ def measure(
     """
     rows: list[MeasuredRow] = []
     for model in models:
-        if model not in _MODELS:
-            raise InputError(f"model = {model!r} is not allowed; allowed: {', '.join(_MODELS)}")
-        rows += _MODELS[model](_COUNTS[model][quick], seed, progress)
+        rows += _MODELS[one_of("model", model, tuple(_MODELS))](_COUNTS[model][quick], seed, progress)
     return Measured(machine(), __version__, seed, tuple(rows))
 
 

@@ -7,11 +7,10 @@ before. Pure: no ports, no clock. Simulated cables play it in virtual time, ``Fa
 from __future__ import annotations
 
 from dataclasses import dataclass
-from difflib import get_close_matches
 from random import Random
 from typing import Any, cast
 
-from haptics.errors import InputError
+from haptics.errors import InputError, nearest
 from haptics.link.framing import DELIMITER, LONGEST_FRAME
 from haptics.time import NS_PER_MS
 from haptics.units import in_range
@@ -78,9 +77,7 @@ def parse_faults(text: str) -> LineFaults:
     for pair in filter(None, (piece.strip() for piece in text.split(","))):
         key, found, value = pair.partition("=")
         if key not in _RANGES:
-            near = get_close_matches(key, _RANGES, n=1)
-            hint = f" (did you mean {near[0]}?)" if near else ""
-            raise InputError(f"faults: unknown key {key!r}{hint}; known keys: {', '.join(_RANGES)}")
+            raise InputError(f"faults: unknown key {key!r}; known keys: {', '.join(_RANGES)}{nearest(key, tuple(_RANGES))}")
         if not found:
             raise InputError(f"faults: {key} has no number; expected {key}=NUMBER")
         if key in given:

@@ -13,7 +13,6 @@ import errno
 import os
 import re
 from dataclasses import dataclass
-from difflib import get_close_matches
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Protocol
@@ -22,8 +21,9 @@ from urllib.parse import urlsplit
 import serial
 from serial.tools import list_ports as _serial_ports
 
-from haptics.errors import InputError, LinkError, LinkLost, PortBusy, PortMissing
+from haptics.errors import InputError, LinkError, LinkLost, PortBusy, PortMissing, nearest
 from haptics.link.messages import DEFAULT_BAUD
+from haptics.link.port_url import is_simulated
 from haptics.units import brief
 
 BOARDS_PACKAGE = "firmware_models"
@@ -121,6 +121,21 @@ def check_port(url: object, name: str = "port") -> str:
     if scheme == "hwgrep" and found and not rest.strip():
         raise InputError(f"{name} = {url!r} would match any port; expected hwgrep://TEXT, such as a USB serial number")
     return url
+
+
+def check_board_port(url: object, board: str, name: str = "port") -> str:
+    """``url`` if it may be the port of a board of this kind: a simulated one must be of it, a real one tells when it is opened.
+
+    :param url: a path or a URL.
+    :param board: ``tactiles`` or ``brake``.
+    :param name: what the caller calls the port, for the message.
+    :return: ``url``, unchanged.
+    :raises InputError: as ``check_port``; or another simulated board.
+    """
+    checked = check_port(url, name)
+    if is_simulated(checked) and urlsplit(checked).netloc != board:
+        raise InputError(f"{name} = {checked!r} is not a simulated {board} board; expected sim://{board}, or a real port")
+    return checked
 
 
 def _names_a_host(url: str) -> bool:
@@ -221,10 +236,9 @@ def _why_not_opened(url: str, error: Exception) -> LinkError:
 
 
 def _there_are(url: str) -> str:
-    """What can be opened instead: the port of the nearest name, then all."""
+    """What can be opened instead: all ports, then the one of the nearest name."""
     found = [port.url for port in list_ports()]
-    near = get_close_matches(url, found, n=1, cutoff=0.8)
-    return f"{f'did you mean {near[0]}? ' if near else ''}ports found: {', '.join(found)}"
+    return f"ports found: {', '.join(found)}{nearest(url, found)}"
 
 
 def _holders(url: str) -> str:

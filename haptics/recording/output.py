@@ -33,6 +33,17 @@ def refuse_existing(path: Path, force: bool) -> None:
         raise InputError(f"{path} exists and is not overwritten; choose another name or overwrite it (--force)")
 
 
+def check_folder(option: str, path: Path) -> None:
+    """Refuse a file in a folder that is not there: a folder mistyped is not to become one.
+
+    :param option: what names the file.
+    :param path: the file to write.
+    :raises InputError: there is no such folder.
+    """
+    if not os.path.isdir(path.parent):
+        raise InputError(f"{option} = {path}: there is no folder {path.parent}; make it, or choose another place")
+
+
 def with_suffix(path: Path, suffix: str) -> Path:
     """The file beside ``path`` with another ending.
 
@@ -62,7 +73,8 @@ def check_outputs(outputs: Mapping[str, Path | None], force: bool, inputs: Mappi
         for what, read in (inputs or {}).items():
             if same_file(path, read):
                 raise InputError(f"{option} = {path} is the file read as {what}; choose another name")
-    for path in named.values():
+    for option, path in named.items():
+        check_folder(option, path)
         refuse_existing(path, force)
     for path in named.values():
         try:
@@ -113,13 +125,14 @@ def replacing(path: Path, force: bool) -> Iterator[Path]:
 
 
 def make_folder(path: Path) -> None:
-    """Make a folder, and those it lies in, unless it is there.
+    """Make a folder unless it is there; the one it lies in must be.
 
     :param path: the folder.
     :raises InputError: none can be made.
     """
+    check_folder("out", path)
     try:
-        path.mkdir(parents=True, exist_ok=True)
+        path.mkdir(exist_ok=True)
     except OSError as error:
         raise InputError(f"{path}: no folder can be made there ({error.strerror or error})") from error
 

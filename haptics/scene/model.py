@@ -7,8 +7,6 @@ file, line and key.
 from __future__ import annotations
 
 import json
-import re
-import tomllib
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -23,7 +21,7 @@ from haptics.scene.geometry.shapes import Box, Capsule, Cylinder, Placed, Plane,
 from haptics.scene.objects import Motion, SceneObject
 from haptics.scene.scene import Clutch, Scene
 from haptics.scene.signals import Signal
-from haptics.table_faults import fault_in_words
+from haptics.table_faults import faults_in_words, line_of, read_toml
 
 AnyEffect = Annotated[ContactEffect | FixedSetEffect | PatternEffect | ProximityEffect | GraspEffect, Field(discriminator="kind")]
 Name = Annotated[
@@ -147,17 +145,15 @@ def read_scene(text: str, name: str, place: str, folder: Path | None = None) -> 
     :return: not yet placed.
     :raises InputError: not TOML, or not a scene; with file, line and key.
     """
+    data = read_toml(text, place)
     try:
-        data = tomllib.loads(text)
         as_json = json.dumps(data)  # strict JSON mode takes an array for a tuple, and nothing else for what it is not
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"{place} is not TOML: {error}") from error
     except (TypeError, RecursionError) as error:
         raise InputError(f"{place}: {error}; expected texts, numbers, true, false, arrays and tables") from error
     try:
         file = SceneFile.model_validate_json(as_json, strict=True)
     except ValidationError as error:
-        raise InputError(_explained(error, text, place, data)) from error
+        raise InputError(faults_in_words(error, SceneFile.model_json_schema(), data, place, text)) from error
     objects = tuple(_object(table, index, folder, text, place) for index, table in enumerate(file.objects))
     try:
         return file.scene(name, objects)
@@ -169,30 +165,4 @@ def _object(table: ObjectTable, index: int, folder: Path | None, text: str, plac
     try:
         return table.object(folder)
     except InputError as error:
-        raise InputError(f"{place}:{_line_of(text, ('objects', index))}: object {table.name!r}: {error}") from error
-
-
-def _explained(error: ValidationError, text: str, place: str, data: dict) -> str:
-    """Every fault on a line of its own: file, line, and what is wrong."""
-    schema = SceneFile.model_json_schema()
-    return "\n".join(
-        f"{place}:{_line_of(text, fault['loc'])}: {fault_in_words(fault, schema, data)}"
-        for fault in error.errors(include_url=False)
-    )
-
-
-def _line_of(text: str, keys: tuple[int | str, ...]) -> int:
-    """The line, from 1, that best fits a place such as ``("objects", 2, "shape")``: TOML's reader keeps no lines."""
-    lines = text.splitlines() or [""]
-    first, last = 0, len(lines)
-    if len(keys) >= 2 and isinstance(keys[1], int):
-        headers = [n for n, line in enumerate(lines) if re.match(rf"\s*\[\[\s*{re.escape(str(keys[0]))}\s*\]\]", line)]
-        if keys[1] < len(headers):
-            first = headers[keys[1]]
-            following = (n for n in range(first + 1, last) if re.match(r"\s*\[\[\s*\w+\s*\]\]", lines[n]))
-            last = next(following, last)
-    for key in reversed([key for key in keys[1 if first else 0 :] if isinstance(key, str)]):
-        for number in range(first, last):
-            if re.search(rf"(^|[\s{{,.\[]){re.escape(key)}\s*[=\].]", lines[number]):
-                return number + 1
-    return first + 1
+        raise InputError(f"{place}:{line_of(text, ('objects', index))}: object {table.name!r}: {error}") from error

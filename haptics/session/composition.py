@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from haptics.errors import InputError
 from haptics.fidelity import Plan
+from haptics.link.ports import check_board_port
 from haptics.scene.scene import Scene
 from haptics.session.configuration import BrakeConfiguration, Configuration, TactilesConfiguration
 from haptics.session.devices import Devices, WireTap
@@ -17,8 +18,12 @@ def with_ports(configuration: Configuration, tactiles: str | None, brake: str | 
     :param tactiles: port URL of the array's board; the configuration's if None.
     :param brake: port URL of the brake controller, likewise.
     :return: the same with these ports.
+    :raises InputError: no port for such a board.
     """
     parts = {"tactiles": tactiles, "brake": brake}
+    for name, url in parts.items():
+        if url is not None:
+            check_board_port(url, name, f"port_{name}")
     changed = {
         name: getattr(configuration, name).model_copy(update={"port": url}) for name, url in parts.items() if url is not None
     }

@@ -7,27 +7,24 @@ twice: by the host, and by the boards, which are configured with them (``board_l
 from __future__ import annotations
 
 import math
-import tomllib
 from os import PathLike
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from haptics.devices.brake import LONGEST_PIEZO_S
 from haptics.errors import InputError
 from haptics.link.limits import Wanted
-from haptics.link.messages import BRAKE_CHANNELS, COIL_CHANNELS, DEFAULT_BAUD, DURATION_UNIT_US
-from haptics.link.ports import check_port
+from haptics.link.messages import BRAKE_CHANNELS, DEFAULT_BAUD, DURATION_UNIT_US
+from haptics.link.ports import check_board_port
 from haptics.physics.brake.force_laws import ForceLaw, ThresholdLaw, default_law
 from haptics.physics.brake.parameters import BRAKE, MAX_VOLTS
 from haptics.physics.latch.pulse import PULSE_BACK_S, PULSE_TOWARD_S, TRAIN_BACK_S, TRAIN_TOWARD_S
 from haptics.physics.thermal.one_node import THERMAL, WORST_PULSE_POWER_W, bounding
 from haptics.scene.sites import SITES
 from haptics.scheduling.coil_heat import BUILT_ON_TIME_S, CoilHeat
-from haptics.table_faults import fault_in_words
-from haptics.units import brief, file_path
-
-PortUrl = Annotated[str, AfterValidator(check_port)]
+from haptics.table_faults import faults_in_words, read_toml
+from haptics.units import brief, file_path, one_of
 
 
 class _Part(BaseModel):
@@ -93,7 +90,7 @@ class TactilesConfiguration(_Part):
     :param calibration: by site; sites without one are taken at their worst within tolerance.
     """
 
-    port: PortUrl = "sim://tactiles"
+    port: str = "sim://tactiles"
     baud: int = Field(default=DEFAULT_BAUD, ge=9600, le=2_000_000)
     sites: tuple[str, ...] = tuple(SITES)
     rise_limit_k: Annotated[float, Field(ge=1, le=30)] = Field(default=25.0, description="temperature rise limit, K (assumed)")
@@ -128,6 +125,11 @@ class TactilesConfiguration(_Part):
         longest = round(1e6 * longest_s / DURATION_UNIT_US)
         return (longest, current_ma, None, None, math.ceil(1000 * min(on_time_s, BUILT_ON_TIME_S)))
 
+    @field_validator("port")
+    @classmethod
+    def _of_an_array(cls, port: str) -> str:
+        return check_board_port(port, "tactiles")
+
     @field_validator("contact_pulse_s")
     @classmethod
     def _in_units(cls, contact_pulse_s: float) -> float:
@@ -137,17 +139,16 @@ class TactilesConfiguration(_Part):
     @field_validator("calibration")
     @classmethod
     def _of_known_sites(cls, calibration: dict[str, ActuatorCalibration]) -> dict[str, ActuatorCalibration]:
-        unknown = [site for site in calibration if site not in SITES]
-        if unknown:
-            raise ValueError(f"no such site: {', '.join(unknown)}; allowed: {', '.join(SITES)}")
+        for site in calibration:
+            one_of("site", site, SITES)
         return calibration
 
     @field_validator("sites")
     @classmethod
     def _known_sites(cls, sites: tuple[str, ...]) -> tuple[str, ...]:
-        unknown = [s for s in sites if s not in SITES]
-        if unknown or len(set(sites)) != len(sites) or len(sites) > COIL_CHANNELS:
-            raise ValueError(f"at most {COIL_CHANNELS} different sites out of: {', '.join(SITES)}; got {', '.join(sites)}")
+        for site in sites:
+            one_of("site", site, SITES)
+        _each_once("site", sites)
         return sites
 
 
@@ -179,7 +180,7 @@ class BrakeConfiguration(_Part):
     :param calibration: by name; brakes without one have the published fit of thumb or index.
     """
 
-    port: PortUrl = "sim://brake"
+    port: str = "sim://brake"
     baud: int = Field(default=DEFAULT_BAUD, ge=9600, le=2_000_000)
     channels: tuple[str, ...] = ("index", "thumb")
     amplitude_v: Annotated[float, Field(ge=0, le=1500)] = Field(default=1000.0, description="on a grasp, V (4.5.2)")
@@ -243,12 +244,24 @@ class BrakeConfiguration(_Part):
             return ThresholdLaw(own.k_n_v2, own.threshold_v), BRAKE.overlap_m2
         return default_law("thumb" if name == "thumb" else "index"), self.overlap_m2
 
+    @field_validator("port")
+    @classmethod
+    def _of_a_controller(cls, port: str) -> str:
+        return check_board_port(port, "brake")
+
     @field_validator("channels")
     @classmethod
     def _distinct(cls, channels: tuple[str, ...]) -> tuple[str, ...]:
-        if not 1 <= len(channels) <= BRAKE_CHANNELS or len(set(channels)) != len(channels):
-            raise ValueError(f"1 to {BRAKE_CHANNELS} different names; got {', '.join(channels)}")
+        if not 1 <= len(channels) <= BRAKE_CHANNELS:
+            raise ValueError(f"{len(channels)} names; expected 1 to {BRAKE_CHANNELS}, one for each output that drives something")
+        _each_once("channel", channels)
         return channels
+
+
+def _each_once(what: str, names: tuple[str, ...]) -> None:
+    twice = next((name for name in names if names.count(name) > 1), None)
+    if twice is not None:
+        raise ValueError(f"{what} = {twice!r} is given twice; expected each once")
 
 
 class Configuration(_Part):
@@ -265,6 +278,15 @@ class Configuration(_Part):
     tactiles: TactilesConfiguration = TactilesConfiguration()
     brake: BrakeConfiguration = BrakeConfiguration()
 
+    def __init__(self, **tables: Any):
+        self._fill(tables, "configuration")
+
+    def _fill(self, tables: dict, source: str, text: str | None = None) -> None:
+        try:
+            super().__init__(**tables)
+        except ValidationError as error:
+            raise InputError(faults_in_words(error, type(self).model_json_schema(), tables, source, text)) from error
+
 
 def load_configuration(path: str | PathLike[str] | None) -> Configuration:
     """A glove's configuration.
@@ -279,26 +301,23 @@ def load_configuration(path: str | PathLike[str] | None) -> Configuration:
         raise InputError(f"config = {brief(path)} is a port; expected a file name; ports have options of their own")
     path = file_path("config", path)
     try:
-        with open(path, "rb") as file:
-            table = tomllib.load(file)
+        text = path.read_text("utf-8")
     except OSError as error:
-        raise InputError(f"configuration {path}: {error.strerror or error}") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise InputError(f"config = {str(path)!r} cannot be read: {error.strerror or error}") from error
+    except UnicodeDecodeError as error:
         raise InputError(f"configuration {path} is not TOML: {error}") from error
-    return check_configuration(table, str(path))
+    return check_configuration(read_toml(text, str(path)), f"configuration {path}", text)
 
 
-def check_configuration(table: dict, source: str) -> Configuration:
+def check_configuration(table: dict, source: str, text: str | None = None) -> Configuration:
     """A configuration from plain data.
 
     :param table: as read from TOML or JSON.
     :param source: where it comes from, for messages.
+    :param text: of the TOML file, which messages point into; None for plain data.
     :return: checked and frozen.
     :raises InputError: every key at fault, with its value and what is allowed.
     """
-    try:
-        return Configuration.model_validate(table)
-    except ValidationError as error:
-        schema = Configuration.model_json_schema()
-        problems = "; ".join(fault_in_words(fault, schema, table) for fault in error.errors(include_url=False))
-        raise InputError(f"configuration {source}: {problems}") from error
+    configuration = Configuration.__new__(Configuration)
+    configuration._fill(table, source, text)
+    return configuration

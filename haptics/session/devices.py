@@ -19,7 +19,7 @@ from haptics.link.limits import Wanted, kept_stricter, stricter
 from haptics.link.messages import DURATION_UNIT_US, Board, State, Status
 from haptics.link.polling import PollingRunner
 from haptics.link.port_url import is_simulated, query_of, with_defaults
-from haptics.link.ports import check_port, open_port
+from haptics.link.ports import check_board_port, open_port
 from haptics.link.readings import fault_name, fault_names
 from haptics.link.runner import VirtualRunner, connect, finish
 from haptics.link.session import LinkSession
@@ -108,7 +108,7 @@ class Devices:
         for name, part in asked.items():  # all of them before the first is opened, which may reset a board
             if part is not None:
                 an_instance(name, part, _PARTS[name], "a part of haptics.load_configuration's answer, or None")
-                check_port(part.port, f"{name} port")
+                check_board_port(part.port, name, f"{name} port")
         if tactiles is not None and brake is not None and tactiles.port == brake.port:
             raise InputError(f"brake port = {brake.port!r} is the tactiles port, too; expected a port for each board")
         try:

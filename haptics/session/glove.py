@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import atexit
+import math
 import os
 import threading
 from collections.abc import Callable, Iterator
@@ -15,9 +16,9 @@ from haptics.devices import BrakeDriver, Result, TactilesDriver
 from haptics.devices.brake import LONGEST_PIEZO_S
 from haptics.devices.tactiles import MAX_CYCLES
 from haptics.ends import orderly, unbroken
-from haptics.errors import GloveEnded, HapticsError, InputError
+from haptics.errors import GloveEnded, HapticsError, InputError, nearest
 from haptics.link.events import Event, Telemetry
-from haptics.link.ports import check_port
+from haptics.link.ports import check_board_port
 from haptics.session.composition import with_ports
 from haptics.session.configuration import Configuration, load_configuration
 from haptics.session.devices import LONGEST_STEP_S, TICK_NS, Devices
@@ -35,7 +36,7 @@ from haptics.session.recorder import Recorder
 from haptics.session.sampler import Sampler
 from haptics.session.service import JOIN_S, Service, go_off
 from haptics.time import seconds_to_ns
-from haptics.units import file_path, number, one_of, truth, whole_number
+from haptics.units import brief, file_path, number, one_of, truth, whole_number
 
 
 class Rendered(Protocol):
@@ -199,7 +200,7 @@ class Glove:
         """
         with self.turn() as devices:
             brakes = self._brakes()
-            one_of("name", name, brakes.channels)
+            self._brake_named(name, brakes)
             ttl_s = number("ttl_s", ttl_s, 0.001, 60.0, "s")
             if frequency_hz is not None:
                 frequency_hz = number("frequency_hz", frequency_hz, 0.1, brakes.max_frequency_hz, "Hz")
@@ -218,7 +219,7 @@ class Glove:
             if name is None:
                 brakes.release_all(devices.now_ns())
             else:
-                brakes.release(one_of("name", name, brakes.channels), devices.now_ns())
+                brakes.release(self._brake_named(name, brakes), devices.now_ns())
 
     def piezo(self, name: str, duration_s: float = 0.3) -> None:
         """Vibrate the fingertip piezo beside a brake, as at the begin of a grasp (thesis 4.6.1).
@@ -229,7 +230,7 @@ class Glove:
         """
         with self.turn() as devices:
             brakes = self._brakes()
-            one_of("name", name, brakes.channels)
+            self._brake_named(name, brakes)
             brakes.piezo([name], number("duration_s", duration_s, 0.001, LONGEST_PIEZO_S, "s"), devices.now_ns())
 
     def advance(self, seconds: float) -> None:
@@ -452,13 +453,19 @@ class Glove:
         law, overlap_m2 = self.configuration.brake.law(name)
         # The thumb's law is fitted to 800 V; a brake may be driven to the configured maximum all the same.
         held_n = law.force_n(max_v, overlap_m2, extrapolate=True)
-        asked_n = number("force_n", force_n, 0.0, 1e6, "N")
+        asked_n = number("force_n", force_n, 0.0, math.inf, "N")
         needed_v = law.volts_for(asked_n, overlap_m2, extrapolate=True)
         if asked_n > held_n:
             raise InputError(
                 f"force_n = {asked_n:g} N needs {needed_v:.0f} V; the {name} brake holds at most {held_n:.3g} N at {max_v:g} V"
             )
         return min(needed_v, max_v)
+
+    def _brake_named(self, name: object, brakes: BrakeDriver) -> str:
+        if not isinstance(name, str) or name not in brakes.channels:
+            known = f"{' or '.join(brakes.channels)}{nearest(name, brakes.channels)}"
+            raise InputError(f"name = {brief(name)} is not a brake of this glove; expected {known}")
+        return name
 
     def _array(self) -> TactilesDriver:
         if self.devices.tactiles is None:
@@ -497,7 +504,7 @@ def open(
     seed = whole_number("seed", seed, 0, 2**32 - 1)
     for name, url in (("tactiles", tactiles), ("brake", brake)):
         if url is not None:
-            check_port(url, name)
+            check_board_port(url, name, name)
     recording = None if record is None else GloveRecording(file_path("record", record), truth("force", force))
     configuration = config if isinstance(config, Configuration) else load_configuration(config)
     configuration = with_ports(configuration, tactiles, brake)

@@ -8,7 +8,7 @@ from typing import Any
 from haptics.errors import InputError
 from haptics.recording.ending import finish, keep
 from haptics.recording.leftovers import journal_of, refuse_leftover
-from haptics.recording.output import check_outputs
+from haptics.recording.output import check_folder, check_outputs
 from haptics.session.composition import EarlyWire
 from haptics.session.configuration import Configuration
 from haptics.session.devices import Devices
@@ -30,6 +30,7 @@ class GloveRecording:
             raise InputError(f"record = {str(out)!r} does not end in .h5; expected the name of an HDF5 file to write")
         self._out, self._force = out, force
         self._journal = journal_of(out)
+        check_folder("record", out)
         refuse_leftover(self._journal, force)
         check_outputs({"record": out, "the journal of record": self._journal}, force)
         self.wire = EarlyWire()

@@ -84,7 +84,7 @@ def replay_recording(path: str | Path) -> Replay:
         seed=header["seed"],
         **{name: header[name] for name in ("levels", "tolerance_jnd", "budget_s_per_s") if name in header},
     )
-    configuration = check_configuration(header["configuration"], str(path))
+    configuration = check_configuration(header["configuration"], f"configuration in {path}")
     configuration = configuration.model_copy(update={"side": header["side"]})
     _check_poses(path, header["side"])
     with tempfile.TemporaryDirectory() as folder:

@@ -16,7 +16,7 @@ from haptics.fidelity import DEFAULT_BUDGET, DEFAULT_TOLERANCE_JND, Plan, plan_s
 from haptics.recording import load, write_picture, write_rrd
 from haptics.recording.ending import finish, keep
 from haptics.recording.leftovers import journal_of, refuse_leftover
-from haptics.recording.output import check_outputs
+from haptics.recording.output import check_folder, check_outputs
 from haptics.scene import load_scene
 from haptics.scene.hand_files.load import load_hand
 from haptics.scene.hands.frame import HandFrame
@@ -298,6 +298,7 @@ def _check_outputs(out: Path, hand: str, scene: str, options: RunOptions) -> Non
     """
     outputs = {"out": out if options.record else None, "rrd": options.rrd, "picture": options.picture}
     if options.record:
+        check_folder("out", out)
         refuse_leftover(journal_of(out), options.force)
         outputs["the journal of out"] = journal_of(out)
     check_outputs(outputs, options.force, {"hand": Path(hand), "scene": Path(scene)})

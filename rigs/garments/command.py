@@ -26,14 +26,16 @@ def report(
     json: Json = False,
 ) -> None:
     """Make the designs of Table 5.1 on a body, and put published numbers, ours, drawn designs and pictures on one page."""
-    from haptics.recording.output import check_outputs
+    from haptics.recording.output import check_outputs, make_folder
     from rigs.garments.report import INCREASE_HEAD, increase_cells, warnings_of, write_report
     from rigs.garments.table import TableOptions, make_rows
 
     check_outputs({"out": out}, force)
     options = TableOptions(body, phenotype_of(phenotype), level, tuple(motions or ()), coverage, solver)
     with watched(min(options.coverage_of(case) for case in options.cases), silent=json) as (progress, say):
-        rows = make_rows(options, folder or out.with_suffix(""), progress, say)
+        designs = folder or out.with_suffix("")
+        make_folder(designs)
+        rows = make_rows(options, designs, progress, say)
     write_report(rows, options, out, force)
     if json:
         made = [{"case": row.case.label, "folder": str(row.folder), "why_not": row.why_not, "design": row.data} for row in rows]

@@ -7,13 +7,13 @@ none and choices outside their closed sets are refused with file and id. The mea
 from __future__ import annotations
 
 import math
-import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
 
 from haptics.errors import InputError
+from haptics.table_faults import read_toml
 from haptics.units import one_of
 from rigs.reference.published import RELATIONS, ROLES, SURE, TOLERANCE_KINDS, Contradiction, Curve, CurvePoint, Passage, Published
 from rigs.reference.sections import SECTIONS
@@ -72,10 +72,7 @@ def read_reference(texts: Mapping[str, str]) -> Reference:
 
 
 def _rows(file: str, text: str) -> Iterable[Published | Curve | Contradiction]:
-    try:
-        tables = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"{file}: not TOML: {error}") from error
+    tables = read_toml(text, file)
     makers = {"published": _published, "curve": _curve, "contradiction": _contradiction}
     for table, rows in tables.items():
         one_of(f"{file}: table", table, _TABLES)

@@ -108,7 +108,7 @@ def test_bad_arguments_are_refused(tmp_path) -> None:
         simulate("glove")
     with pytest.raises(InputError, match=r"^colour=red: unknown key 'colour' in the port's URL; known keys: .*baud, .*seed"):
         simulate("tactiles", query="colour=red")
-    with pytest.raises(InputError, match=r"sede=2: unknown key 'sede' in the port's URL; did you mean 'seed'\? known keys: "):
+    with pytest.raises(InputError, match=r"sede=2: unknown key 'sede' in the port's URL; known keys: .*did you mean seed"):
         simulate("tactiles", query="sede=2")
     with pytest.raises(InputError, match=r"clock = virtual: .* runs on the real clock"):
         simulate("tactiles", query="clock=virtual")

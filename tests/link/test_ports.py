@@ -38,7 +38,7 @@ def test_a_port_that_is_not_there_names_the_nearest_that_is(monkeypatch):
     monkeypatch.setattr(ports, "list_ports", lambda: [PortInfo(url, "") for url in ("/dev/ttyUSB7", "/dev/ttyACM7")])
     with pytest.raises(PortMissing) as caught:
         open_port("/dev/ttyAMC7")
-    expected = "no such port; did you mean /dev/ttyACM7? ports found: /dev/ttyUSB7, /dev/ttyACM7"
+    expected = "no such port; ports found: /dev/ttyUSB7, /dev/ttyACM7; did you mean /dev/ttyACM7?"
     assert str(caught.value) == f"/dev/ttyAMC7: open: {expected}"
 
 

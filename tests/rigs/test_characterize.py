@@ -118,5 +118,5 @@ def test_what_cannot_be_run_is_refused_by_name(tmp_path):
     with pytest.raises(InputError, match="not allowed on hardware"):
         characterize("thermal", BenchOptions(port="/dev/ttyACM9"), devices=3)
     (tmp_path / "file").write_text("")
-    with pytest.raises(InputError, match="no folder can be made"):
+    with pytest.raises(InputError, match="there is no folder"):
         characterize("thermal", BenchOptions(), out=tmp_path / "file" / "x")

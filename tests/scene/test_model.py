@@ -162,7 +162,7 @@ def test_an_unknown_scene_lists_what_ships_and_a_missing_file_is_named(tmp_path:
 @pytest.mark.parametrize(
     ("old", "new", "match"),
     [
-        ("[[objects]]", "[[objects]", "not TOML: .*line 2"),
+        ("[[objects]]", "[[objects]", r"mine\.toml:2: .* is not TOML"),
         ("radius_m = 0.03", "radius_m = -0.03", r"mine\.toml:4: shape of \[\[objects\]\] 'ball': .*radius_m = -0\.03 m"),
         ("radius_m = 0.03", 'radius_m = "0.03"', r"mine\.toml:4: radius_m = '0\.03' in shape of .*; expected a number"),
         ("radius_m = 0.03", "radius_m = true", r"mine\.toml:4: .*radius_m"),

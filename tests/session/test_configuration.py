@@ -39,14 +39,14 @@ def test_the_example_on_the_page_is_valid_and_shows_the_defaults():
 @pytest.mark.parametrize(
     ("table", "words"),
     [
-        ({"tactiles": {"rise_limit_k": 31}}, ("rise_limit_k = 31 in [tactiles]", "30")),
-        ({"tactiles": {"current_limit_a": 3.9}}, ("current_limit_a = 3.9 in [tactiles]", "3.907")),
+        ({"tactiles": {"rise_limit_k": 31}}, ("rise_limit_k = 31 K in [tactiles]", "30")),
+        ({"tactiles": {"current_limit_a": 3.9}}, ("current_limit_a = 3.9 A in [tactiles]", "3.907")),
         ({"tactiles": {"contact_pulse_s": 0.02}}, ("contact_pulse_s", "0.02", "0.01")),
         ({"tactiles": {"sites": ["elbow"]}}, ("sites", "index_tip")),
-        ({"tactiles": {"sites": ["index_tip", "index_tip"]}}, ("sites", "different")),
-        ({"brake": {"amplitude_v": 1501}}, ("amplitude_v = 1501 in [brake]", "1500")),
-        ({"brake": {"max_amplitude_v": 1501}}, ("max_amplitude_v = 1501 in [brake]", "1500")),
-        ({"brake": {"max_charge_c": 46e-6}}, ("max_charge_c = 4.6e-05 in [brake]", "4.5e-05")),
+        ({"tactiles": {"sites": ["index_tip", "index_tip"]}}, ("sites", "index_tip", "twice")),
+        ({"brake": {"amplitude_v": 1501}}, ("amplitude_v = 1501 V in [brake]", "1500")),
+        ({"brake": {"max_amplitude_v": 1501}}, ("max_amplitude_v = 1501 V in [brake]", "1500")),
+        ({"brake": {"max_charge_c": 46e-6}}, ("max_charge_c = 4.6e-05 C in [brake]", "4.5e-05")),
         ({"brake": {"max_amplitude_v": 600, "amplitude_v": 700}}, ("amplitude_v = 700", "max_amplitude_v = 600")),
         ({"brake": {"max_frequency_hz": 10, "frequency_hz": 20}}, ("frequency_hz = 20", "max_frequency_hz = 10")),
         ({"brake": {"channels": []}}, ("channels",)),
@@ -118,7 +118,7 @@ def test_a_calibrated_brake_gets_the_volts_of_its_own_law():
 def test_a_file_that_is_not_toml_is_refused_with_its_place(tmp_path):
     path = tmp_path / "glove.toml"
     path.write_text("side = \n")
-    with pytest.raises(InputError, match="line 1"):
+    with pytest.raises(InputError, match=r"glove\.toml:1: .*is not TOML"):
         load_configuration(path)
 
 
@@ -206,3 +206,35 @@ def test_a_brakes_time_to_live_is_what_its_volts_have_when_the_program_hangs():
     finally:
         glove.off()
         glove.close()
+
+
+def test_each_fault_of_a_file_has_its_own_line_with_the_place_in_the_file(tmp_path):
+    file = tmp_path / "glove.toml"
+    file.write_text(
+        '[tactiles]\nport = "sim://tactiles"\nrise_limit_k = 99\n\n[brake]\nport = "sim://brake"\nrise_limit_k = 3\nttl_s = 9\n'
+    )
+    with pytest.raises(InputError) as refused:
+        load_configuration(file)
+    first, *others = str(refused.value).splitlines()
+    assert first == f"configuration {file}:3: rise_limit_k = 99 K in [tactiles]; allowed 1 to 30 K"
+    assert f"configuration {file}:8: ttl_s = 9 s in [brake]; allowed 0.02 to 1 s" in others
+    assert any(line.startswith(f"configuration {file}:7: unknown key 'rise_limit_k' in [brake]") for line in others)
+
+
+def test_what_is_no_toml_is_shown_with_its_line(tmp_path):
+    file = tmp_path / "glove.toml"
+    file.write_text('[tactiles]\nport = "sim://tactiles\n')
+    with pytest.raises(InputError, match=rf"{file}:2: .*sim://tactiles.* is not TOML .*column 23"):
+        load_configuration(file)
+
+
+def test_a_name_of_a_list_that_is_none_is_named_with_the_nearest(tmp_path):
+    with pytest.raises(InputError, match=r"site = 'index_tp' .*did you mean index_tip"):
+        check_configuration({"tactiles": {"sites": ["thumb_tip", "index_tp"]}}, "glove.toml")
+    with pytest.raises(InputError, match=r"channel = 'index' is given twice"):
+        check_configuration({"brake": {"channels": ["index", "thumb", "index"]}}, "glove.toml")
+
+
+def test_a_configuration_made_by_hand_is_refused_in_the_project_s_own_words():
+    with pytest.raises(InputError, match=r"^configuration: side = 'x'; allowed: auto, left, right$"):
+        Configuration(side="x")

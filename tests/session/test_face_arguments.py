@@ -173,7 +173,15 @@ def test_every_argument_of_a_glove_in_parts_is_checked():
 
 
 def test_one_port_is_not_two_boards():
-    assert "port for each board" in refused(haptics.open, tactiles="sim://tactiles", brake="sim://tactiles", clock="virtual")
+    both = {"tactiles": "socket://host:1", "brake": "socket://host:1"}
+    assert "port for each board" in refused(haptics.open, **both)
+
+
+@pytest.mark.parametrize("url", ["sim://brake", "sim://thermocouple", "sim://tactile", "sim://"])
+def test_another_simulated_board_is_no_array(url):
+    assert refused(haptics.open, tactiles=url, clock="virtual") == (
+        f"tactiles = '{url}' is not a simulated tactiles board; expected sim://tactiles, or a real port"
+    )
 
 
 @pytest.mark.parametrize("url", ["sim://tactiles#x", "sim://tactiles/x", "sim://tactiles?seed=1&seed=2", "sim://tactiles?foo=1"])

@@ -160,7 +160,9 @@ def test_messages_name_what_was_typed():
             haptics.InputError, match=r"^force_n = 30 N needs 17\d\d V; the index brake holds at most 2\d\.\d N at 1500 V$"
         ):
             glove.brake("index", force_n=30)
-        with pytest.raises(haptics.InputError, match=r"name = 'indx' is not allowed; allowed: index, thumb; did you mean index"):
+        with pytest.raises(
+            haptics.InputError, match=r"name = 'indx' is not a brake of this glove; expected index or thumb; did you mean index"
+        ):
             glove.brake("indx", volts=100)
         with pytest.raises(haptics.InputError, match="without a tactor array"):
             glove.burst("index_tip")

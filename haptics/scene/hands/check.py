@@ -73,7 +73,9 @@ def check_frame(frame: HandFrame, previous: HandFrame | None) -> str | None:
     norm = np.sqrt(np.vecdot(orientation, orientation))
     joint = int(np.abs(norm - 1.0).argmax())
     if not abs(norm[joint] - 1.0) <= NORM_TOLERANCE:
-        length = f"the quaternion of {JOINTS[joint]} has norm {norm[joint]:g}; expected 1 within {NORM_TOLERANCE:g}"
+        wrong = int((np.abs(norm - 1.0) > NORM_TOLERANCE).sum())
+        others = f", and {wrong - 1} more are not 1 either" if wrong > 1 else ""
+        length = f"the quaternion of {JOINTS[joint]} has norm {norm[joint]:g}{others}; expected 1 within {NORM_TOLERANCE:g}"
         return length if np.isfinite(orientation).all() else f"the quaternion of {_not_finite(orientation)} is not finite"
     reach = position - position[JOINT["palm"]]
     reach_m2 = np.vecdot(reach, reach)
