@@ -197,7 +197,10 @@ class Serial(SerialBase):
 
     @property
     def in_waiting(self) -> int:
-        """Bytes that can be read at once."""
+        """Bytes that can be read at once.
+
+        :raises SerialException: port closed, or the board unplugged by the line's faults.
+        """
         with self._live().lock:
             now_ns = self._now()
             self._plugged(now_ns)
@@ -205,7 +208,10 @@ class Serial(SerialBase):
 
     @property
     def out_waiting(self) -> int:
-        """Bytes written that have not reached the board yet."""
+        """Bytes written that have not reached the board yet.
+
+        :raises SerialException: port closed.
+        """
         with self._live().lock:
             return self._cable.to_board.in_transit(self._now())
 

@@ -9,6 +9,7 @@ import typer
 
 from haptics.cli.show import print_json, print_pairs, printing
 from haptics.cli.typed import Commands
+from haptics.errors import InputError
 
 app = Commands(help="Look into recordings, and save what a crash left.", no_args_is_help=True)
 
@@ -61,6 +62,30 @@ def info(
                 print(f"note: {note}")
     if found.damaged:
         raise typer.Exit(1)
+
+
+@app.command("view")
+def view(
+    path: Annotated[Path, typer.Argument(help="recording (*.h5), whoever made it")],
+    picture: Annotated[Path | None, typer.Option(help="still picture to write, PNG (extra `report`)")] = None,
+    rrd: Annotated[Path | None, typer.Option(help="file for rerun to write (extra `view`)")] = None,
+    force: Annotated[bool, typer.Option("--force", help="overwrite files that exist")] = False,
+    json: Annotated[bool, typer.Option("--json", help="print one JSON object")] = False,
+) -> None:
+    """Make a picture of a recording, or a file to look into with rerun."""
+    from haptics.recording import load, write_picture, write_rrd
+    from haptics.recording.output import check_outputs
+
+    if picture is None and rrd is None:
+        raise InputError("nothing to write; give --picture FILE.png, --rrd FILE.rrd or both")
+    check_outputs({"picture": picture, "rrd": rrd}, force, {"the recording": path})
+    recording = load(path)
+    if picture is not None:
+        write_picture(recording, picture, force=force)
+    if rrd is not None:
+        write_rrd(recording, rrd, force=force)
+    made = [file for file in (picture, rrd) if file is not None]
+    print_json({"files": made}) if json else print_pairs(f"views of {path}", {"files": ", ".join(map(str, made))})
 
 
 def replay(

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from importlib.util import find_spec
 from typing import Any
 
+from haptics.extras import install
 from haptics.garments.bodies import BODIES, MOTIONS
 from haptics.garments.bodies.anny_body import ADULT
 from haptics.garments.bodies.capsule import CapsulePhenotype
@@ -68,6 +69,6 @@ def _body(name: str) -> dict[str, Any]:
         "name": name,
         "what": _SHAPES[name],
         "installed": not missing,
-        "get": f"needs {', '.join(missing)}: pip install 'wearable-haptics[body]'" if missing else None,
+        "get": f"needs {', '.join(missing)}: {install('body')}" if missing else None,
         "phenotype": phenotype,
     }

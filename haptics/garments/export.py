@@ -114,7 +114,7 @@ def export_design(
     OBJ: the garment at rest, where it is not stretched. PLY: in equilibrium at the end of the motion, with its energy.
 
     :param kept: the sequence on its body.
-    :param out: folder, made if need be.
+    :param out: folder, made unless it is there; the one it lies in must be.
     :param step: step of the sequence, from 0; None: see ``coverage``.
     :param coverage: chooses a design, the one asked for if None.
     :param options: of the pattern; None takes the defaults.

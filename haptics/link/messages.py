@@ -42,7 +42,7 @@ LIMIT_NAMES: dict[Board, tuple[tuple[str, str], ...]] = {
         ("longest pulse", "50 us"),
         ("coil current", "mA"),
         ("queue depth", "pulses"),
-        ("least supply voltage", "mV"),
+        ("min supply voltage", "mV"),
         ("on-time account", "ms"),
     ),
     Board.BRAKE: (

@@ -1,8 +1,9 @@
 """The loop: poses come in at their own rate, devices get their commands every tick.
 
-A pose moves the hand's sites; touches are predicted and decided once per pose (``docs/decisions/0005``), and a tick only compares
-times. What a scene asks for (contact, fixed sets, patterns; grasps and clutch rules by ``Grasping`` and ``Clutching``) is mapped
-to the drivers in this folder and nowhere else. The loop never blocks, and refuses poses that cannot be a hand's.
+A pose moves the hand's sites; touches are predicted and decided once per pose
+(``docs/decisions/0005-decide-when-a-pose-arrives.md``), and a tick only compares times. What a scene asks for (contact, fixed
+sets, patterns; grasps and clutch rules by ``Grasping`` and ``Clutching``) is mapped to the drivers in this folder and nowhere
+else. The loop never blocks, and refuses poses that cannot be a hand's.
 """
 
 from __future__ import annotations

@@ -279,6 +279,11 @@ class Configuration(_Part):
     brake: BrakeConfiguration = BrakeConfiguration()
 
     def __init__(self, **tables: Any):
+        """A configuration made by hand.
+
+        :param tables: its keys, as a file would have them.
+        :raises InputError: every key at fault, with its value and what is allowed.
+        """
         self._fill(tables, "configuration")
 
     def _fill(self, tables: dict, source: str, text: str | None = None) -> None:

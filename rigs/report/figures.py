@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from haptics.errors import InputError
+from haptics.extras import install
 from rigs.result import Look, Plot, Series
 
 _INK, _FAINT = "#22262d", "#c9ced6"
@@ -61,7 +62,7 @@ def _saved(plot: Plot, kind: str, metadata: dict[str, Any]) -> bytes:
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
     except ImportError as error:
-        raise InputError("plots need matplotlib; install with: pip install 'wearable-haptics[report]'") from error
+        raise InputError(f"plots need matplotlib; install with: {install('report')}") from error
     style: Any = {
         **matplotlib.rcParamsDefault,
         **_STYLE,

@@ -9,6 +9,7 @@ from importlib.resources import files
 from typing import Any
 
 from haptics.errors import InputError
+from haptics.extras import install
 from rigs.report.figures import svg_text
 from rigs.result import Plot
 
@@ -90,7 +91,7 @@ def render_page(page: Page) -> str:
     try:
         from jinja2 import Environment, StrictUndefined
     except ImportError as error:
-        raise InputError("pages need jinja2; install with: pip install 'wearable-haptics[report]'") from error
+        raise InputError(f"pages need jinja2; install with: {install('report')}") from error
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     template = environment.from_string(files("rigs.report").joinpath("page.html").read_text(encoding="utf-8"))
     figures = {plot.name: svg_text(plot) for block in page.blocks for plot in block.plots}

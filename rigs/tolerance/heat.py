@@ -48,7 +48,7 @@ class Body:
 
     @property
     def jump_k(self) -> float:
-        """Of one switch of 10 ms."""
+        """Rise by one switch of 10 ms, K."""
         return pulse_rise_k(self.power_w * PULSE_S, self.thermal)
 
 

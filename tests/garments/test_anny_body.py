@@ -223,4 +223,4 @@ def test_a_phenotype_that_it_has_not_is_refused(phenotype, message):
 
 
 def test_a_missing_package_is_named_with_the_extra():
-    assert "pip install 'wearable-haptics[body]', or use body capsule" in str(missing("torch"))
+    assert "pip install '.[body]' in the checkout, or use body capsule" in str(missing("torch"))

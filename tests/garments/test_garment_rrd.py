@@ -112,6 +112,6 @@ def test_nothing_but_the_file_is_touched(worn, found, tmp_path, monkeypatch):
 
 def test_a_missing_extra_is_named(worn, found, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "rerun", None)
-    with pytest.raises(InputError, match=r"pip install 'wearable-haptics\[view\]'"):
+    with pytest.raises(InputError, match=r"pip install '\.\[view\]'"):
         write_motion_rrd(worn, found, tmp_path / "one.rrd")
     assert not list(tmp_path.iterdir())

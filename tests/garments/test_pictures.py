@@ -202,6 +202,6 @@ def test_less_coverage_is_less_blue(worn, sequence, tmp_path, monkeypatch):
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_missing_extra_is_named(kind, worn, sequence, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
-    with pytest.raises(InputError, match=r"pip install 'wearable-haptics\[report\]'"):
+    with pytest.raises(InputError, match=r"pip install '\.\[report\]'"):
         drawn(kind, worn, sequence, tmp_path / "one.png")
     assert not list(tmp_path.iterdir())

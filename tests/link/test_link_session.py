@@ -199,7 +199,7 @@ def test_a_board_that_says_ok_to_limits_and_keeps_to_others_is_not_used():
     bench.session.start(0)
     bench.run(1000)
     assert isinstance(bench.session.error, LinkError)
-    assert "least supply voltage 4500 mV, configured: 4600 mV" in str(bench.session.error)
+    assert "min supply voltage 4500 mV, configured: 4600 mV" in str(bench.session.error)
     assert "on-time account 2500 ms, configured: 2000 ms" in str(bench.session.error)
     assert "coil current" not in str(bench.session.error)
     assert bench.happened(Failed)

@@ -113,7 +113,7 @@ def test_views_of_a_recording_without_their_streams_are_empty_not_wrong(tmp_path
 @pytest.mark.parametrize(("module", "write", "extra"), [("rerun", write_rrd, "view"), ("matplotlib", write_picture, "report")])
 def test_a_missing_extra_is_named(recording: Recording, tmp_path: Path, monkeypatch, module: str, write, extra: str):
     monkeypatch.setitem(sys.modules, module, None)
-    with pytest.raises(InputError, match=rf"pip install 'wearable-haptics\[{extra}\]'"):
+    with pytest.raises(InputError, match=rf"pip install '\.\[{extra}\]'"):
         write(recording, tmp_path / "out")
     assert not list(tmp_path.iterdir())
 

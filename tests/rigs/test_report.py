@@ -80,5 +80,5 @@ def test_the_same_plot_gives_the_same_bytes_and_two_on_a_page_share_no_identifie
 
 def test_an_environment_without_the_extra_is_told_what_to_install(monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "matplotlib", None)
-    with pytest.raises(InputError, match=r"wearable-haptics\[report\]"):
+    with pytest.raises(InputError, match=r"\.\[report\]"):
         png_bytes(PLOT)

@@ -15,6 +15,7 @@ import numpy as np
 
 from haptics.cache import cache_folder
 from haptics.errors import InputError
+from haptics.extras import install
 from haptics.garments.bodies.bending import rotation, smooth_step
 from haptics.garments.bodies.body import PARTS
 from haptics.garments.bodies.motions import ARM_DIRECTION, JOINTS, LEG_DIRECTION
@@ -148,7 +149,7 @@ def missing(package: str) -> InputError:
     :param package: name of the package.
     :return: the error, with the command that installs it.
     """
-    return InputError(f"body anny needs {package}; install it with: pip install 'wearable-haptics[body]', or use body capsule")
+    return InputError(f"body anny needs {package}; install it with: {install('body')}, or use body capsule")
 
 
 def straightening(rest: RestShape) -> dict[str, Floats]:

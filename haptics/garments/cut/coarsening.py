@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from haptics.errors import InputError
+from haptics.extras import install
 from haptics.garments.cut.cutting import trimmed
 from haptics.garments.cut.fairing import neighbour_means
 from haptics.garments.cut.subdivision import Sparse
@@ -83,5 +84,5 @@ def libigl() -> Any:
     try:
         import igl
     except ImportError as error:
-        raise InputError("garments need libigl; install it with: pip install 'wearable-haptics[garment]'") from error
+        raise InputError(f"garments need libigl; install it with: {install('garment')}") from error
     return igl

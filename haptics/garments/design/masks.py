@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from haptics.errors import InputError
+from haptics.extras import install
 from haptics.garments.cut.coarsening import libigl
 from haptics.garments.design.geodesic import SurfaceGraph, boundary_loops
 from haptics.garments.design.rating import first_by_area
@@ -183,7 +184,7 @@ def _ink(path: Path) -> Bools:
     try:
         from matplotlib.image import imread
     except ImportError as error:
-        raise InputError(f"pictures need matplotlib ({error}): pip install 'wearable-haptics[report]'") from error
+        raise InputError(f"pictures need matplotlib ({error}): {install('report')}") from error
     try:
         pixels = np.asarray(imread(path), dtype=float)
     except (OSError, SyntaxError, ValueError) as error:

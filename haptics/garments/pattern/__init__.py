@@ -3,9 +3,10 @@
 from importlib.util import find_spec
 
 from haptics.errors import InputError
+from haptics.extras import install
 
 if find_spec("shapely") is None:
-    raise InputError("patterns need shapely; install it with: pip install 'wearable-haptics[garment]'")
+    raise InputError(f"patterns need shapely; install it with: {install('garment')}")
 
 from haptics.garments.pattern.files import write_pattern
 from haptics.garments.pattern.pattern import Pattern, PatternOptions, PatternPanel, Seam, SeamSide, make_pattern

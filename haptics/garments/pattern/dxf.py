@@ -6,6 +6,7 @@ from io import StringIO
 from typing import Any
 
 from haptics.errors import InputError
+from haptics.extras import install
 from haptics.garments.pattern.sheet import CLOTH, LAYERS, MARKS, REINFORCEMENT, SEAMS, TEXT, Sheet
 
 COLOURS = {REINFORCEMENT: 1, CLOTH: 7, SEAMS: 3, MARKS: 8, TEXT: 8}
@@ -36,7 +37,7 @@ def _ezdxf() -> Any:
     try:
         import ezdxf
     except ImportError as error:
-        raise InputError("writing DXF needs ezdxf; install it with: pip install 'wearable-haptics[garment]'") from error
+        raise InputError(f"writing DXF needs ezdxf; install it with: {install('garment')}") from error
     return ezdxf
 
 

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from haptics.errors import InputError
+from haptics.extras import install
 from haptics.garments.mesh import Bools, Floats, SurfaceMesh
 from haptics.recording.output import replacing
 
@@ -53,7 +54,7 @@ def why_no_pictures() -> str | None:
     try:
         import matplotlib  # noqa: F401
     except ImportError as error:
-        return f"pictures need matplotlib ({error}): pip install 'wearable-haptics[report]'"
+        return f"pictures need matplotlib ({error}): {install('report')}"
     return None
 
 

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from haptics.errors import InputError
+from haptics.extras import install
 from haptics.recording.output import replacing
 from haptics.recording.recording import Recording
 from haptics.recording.views import view_data
@@ -226,5 +227,5 @@ def _matplotlib() -> Any:
         import matplotlib.colors
         import matplotlib.figure
     except ImportError as error:
-        raise InputError(f"pictures need matplotlib ({error}): pip install 'wearable-haptics[report]'") from error
+        raise InputError(f"pictures need matplotlib ({error}): {install('report')}") from error
     return matplotlib

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from haptics.errors import HapticsError, InputError
+from haptics.extras import install
 from haptics.recording.output import replacing
 
 
@@ -20,9 +21,7 @@ def open_rerun() -> Any:
     try:
         import rerun
     except ImportError as error:
-        raise InputError(
-            f"the viewer's files need rerun ({error}); install it with: pip install 'wearable-haptics[view]'"
-        ) from error
+        raise InputError(f"the viewer's files need rerun ({error}); install it with: {install('view')}") from error
     return rerun
 
 

@@ -33,7 +33,7 @@ from haptics.scene.hand_files.leap_frame import Seen, of_type, read_frame
 from haptics.scene.hand_files.packed_rows import check_schema, unpacked
 from haptics.scene.hands.bones import orientations
 from haptics.scene.hands.frame import Floats
-from haptics.scene.hands.joints import FINGERS, JOINT, NOMINAL_RADIUS_M
+from haptics.scene.hands.joints import FINGERS, JOINT, NOMINAL_RADIUS_M, Side
 from haptics.scene.hands.recording import HandRecording, HandTrack, RefusedPose, too_many_refused
 from haptics.scene.hands.time_order import in_order, why_not
 from haptics.time import NS_PER_MS, NS_PER_S, NS_PER_US
@@ -57,7 +57,7 @@ _HEADERS = frozenset({"version", "serviceVersion", "state", "event"})
 class _OpenTrack:
     """What has been read of a hand so far: times, and rows as in ``leap_frame.Seen``."""
 
-    side: str
+    side: Side
     time_ns: list[int] = field(default_factory=list)
     rows: list[Floats] = field(default_factory=list)
 

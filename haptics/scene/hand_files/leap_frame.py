@@ -15,7 +15,7 @@ import numpy as np
 from haptics.errors import InputError
 from haptics.scene.hands.check import FARTHEST_M
 from haptics.scene.hands.frame import Floats
-from haptics.scene.hands.joints import SIDES
+from haptics.scene.hands.joints import SIDES, Side
 from haptics.scene.hands.shown import shown
 from haptics.time import NS_PER_US
 
@@ -39,7 +39,7 @@ class Seen:
     """
 
     device_id: int
-    side: str
+    side: Side
     row: Floats
 
 
@@ -59,7 +59,7 @@ class Frame:
 
 @dataclass(slots=True)
 class _Hand:
-    side: str
+    side: Side
     palm: list[float]
     fingers: dict[int, tuple[list[float], float]] = field(default_factory=dict)
     refused: str = ""

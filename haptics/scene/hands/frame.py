@@ -35,7 +35,7 @@ class HandFrame:
     """
 
     time_ns: int
-    side: str
+    side: Side
     track_id: int
     position_m: Floats
     orientation_xyzw: Floats

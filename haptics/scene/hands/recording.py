@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from haptics.scene.hands.frame import Floats, HandFrame
-from haptics.scene.hands.joints import NOMINAL_RADIUS_M, SIDES, joint_index
+from haptics.scene.hands.joints import NOMINAL_RADIUS_M, SIDES, Side, joint_index
 
 LARGE_SHARE = 0.2
 """Where this share of a recording's poses, or more, must be refused, the recording as a whole is not to be trusted."""
@@ -28,7 +28,7 @@ class HandTrack:
     :param radius_m: (26,), half the hand's thickness at each joint.
     """
 
-    side: str
+    side: Side
     track_id: int
     time_ns: NDArray[np.int64]
     position_m: Floats
