@@ -2,26 +2,17 @@
 
 from __future__ import annotations
 
-import ctypes.util
 import itertools
-import shutil
 
 import numpy as np
 import pytest
+from cores import CORES
 
 import haptics
 from firmware_models import world as worlds
 from haptics.scene.sites import SITES
 
 _names = itertools.count()
-NEEDED = {"py": (), "c": ("cc", "make"), "avr": ("cc", "make", "avr-gcc")}
-MISSING = {core: [tool for tool in tools if shutil.which(tool) is None] for core, tools in NEEDED.items()}
-if ctypes.util.find_library("simavr") is None:
-    MISSING["avr"].append("libsimavr")
-CORES = [
-    pytest.param(core, marks=pytest.mark.skipif(bool(missing), reason=f"no core {core} here: {missing} not found"))
-    for core, missing in MISSING.items()
-]
 CORNERS = [f"tau_s={tau}&c_k_per_w={c}&resistance_ohm={ohm}" for tau in (97, 107) for c in (59, 79) for ohm in (1.28, 1.48)]
 
 

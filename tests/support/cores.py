@@ -1,4 +1,4 @@
-"""The firmware that a simulated board may run, each skipped where its tools are missing."""
+"""The firmware that a simulated board may run, each skipped where its tools are missing; the chip is simulated slowly."""
 
 from __future__ import annotations
 
@@ -8,17 +8,26 @@ import shutil
 import pytest
 
 _NEEDED = {"py": (), "c": ("cc", "make"), "avr": ("cc", "make", "avr-gcc")}
+CORE_NAMES = tuple(_NEEDED)
 
 
-def _missing(core: str) -> list[str]:
+def _marks(core: str) -> list[pytest.MarkDecorator]:
     missing = [tool for tool in _NEEDED[core] if shutil.which(tool) is None]
     if core == "avr" and ctypes.util.find_library("simavr") is None:
         missing.append("libsimavr")
-    return missing
+    skip = pytest.mark.skipif(bool(missing), reason=f"no core {core} here: {missing} not found")
+    return [skip, pytest.mark.slow] if core == "avr" else [skip]
 
 
-CORES = [
-    pytest.param(core, marks=pytest.mark.skipif(bool(_missing(core)), reason=f"no core {core} here: {_missing(core)} not found"))
-    for core in _NEEDED
-]
-on_every_core = pytest.mark.parametrize("core", CORES)
+def on_cores(*cores: str) -> pytest.MarkDecorator:
+    """Run a test with each of these as its argument ``core``."""
+    return pytest.mark.parametrize("core", [core_param(core) for core in cores])
+
+
+def core_param(core: str, *more: object) -> object:
+    """A parameter set that begins with a core, under the core's marks."""
+    return pytest.param(core, *more, marks=_marks(core))
+
+
+CORES = [core_param(core) for core in CORE_NAMES]
+on_every_core = on_cores(*CORE_NAMES)

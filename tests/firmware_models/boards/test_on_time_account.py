@@ -8,7 +8,8 @@ from collections.abc import Callable, Iterator
 
 import pytest
 from core_bench import MS, SUPPLY, WRAP, Bench, CoilHeat as KeptHeat, Memory
-from sim_host import NEEDS_AVR, NEEDS_CC, Host
+from cores import on_every_core
+from sim_host import Host
 
 from firmware_models.boards.coil_heat import CoilHeat
 from haptics.link.messages import COIL_CHANNELS, State, Status
@@ -24,8 +25,6 @@ WORST_W = 25.0 / 1.28  # 5 V on 1.38 - 0.1 ohm, thesis 3.4.3
 NOMINAL_K = LIMIT_S * 69 * 25 / 1.38 / TAU_S  # as if all of it came at once: 30.6 K at the 18.1 W that a cold coil takes
 WORST_K = LIMIT_S * 79 * WORST_W / 97  # thesis 3.5.2: 69 +- 10 K/W, 102 +- 5 s
 WORST = {"c_k_per_w": 79, "tau_s": 97, "resistance_ohm": 1.28}
-CORES = ["py", pytest.param("c", marks=NEEDS_CC), pytest.param("avr", marks=[NEEDS_CC, NEEDS_AVR])]
-cores = pytest.mark.parametrize("core", CORES)
 
 
 class Attacker(Host):
@@ -76,7 +75,7 @@ def attacker() -> Iterator[Callable[..., Attacker]]:
 # What a hostile host can do.
 
 
-@cores
+@on_every_core
 def test_pulses_without_end_warm_a_tactor_to_what_the_account_allows_and_no_further(attacker, core):
     a = attacker(core, spread=0)
     statuses = a.attack(3.5)
@@ -86,7 +85,7 @@ def test_pulses_without_end_warm_a_tactor_to_what_the_account_allows_and_no_furt
     assert a.last("tactiles_telemetry").heat[1] == 125
 
 
-@cores
+@on_every_core
 def test_the_worst_tactor_within_tolerance_stays_below_what_its_account_allows(attacker, core):
     a = attacker(core, spread=0, **WORST)
     a.attack(4.0)
@@ -94,14 +93,14 @@ def test_the_worst_tactor_within_tolerance_stays_below_what_its_account_allows(a
 
 
 @pytest.mark.soak
-@cores
+@on_every_core
 def test_an_attack_of_minutes_is_worth_no_more(attacker, core):
     a = attacker(core, spread=0, **WORST)
     a.attack(60 if core == "avr" else 300)
     assert a.rise_k() < WORST_K
 
 
-@cores
+@on_every_core
 @pytest.mark.parametrize("how", ["disarm", "stop", "silence", "reset", "brown_out"])
 def test_no_form_of_ending_and_beginning_anew_gives_a_coil_more(attacker, core, how):
     """80 ms at a time, less than is noted without power, eight times over: were each to begin at nothing, 0.64 s more."""
@@ -120,7 +119,7 @@ def test_no_form_of_ending_and_beginning_anew_gives_a_coil_more(attacker, core, 
     assert a.rise_k() < WORST_K + 0.1 / 97 * 79 * WORST_W  # the minimum that is noted
 
 
-@cores
+@on_every_core
 def test_what_is_asked_for_and_called_off_again_makes_no_room(attacker, core):
     """Half an account warm, then 0.6 s at a time waiting and cancelled; it cools by itself, and no quicker."""
     a = attacker(core, spread=0)
@@ -138,7 +137,7 @@ def test_what_is_asked_for_and_called_off_again_makes_no_room(attacker, core):
     assert 0.02 * a.last("tactiles_telemetry").heat[1] == pytest.approx(left_s, abs=0.021)  # two roundings up
 
 
-@cores
+@on_every_core
 @pytest.mark.parametrize("how", ["disarm", "reset"])
 def test_a_stuck_driver_gives_no_more_however_often_it_is_armed(attacker, core, how):
     a = attacker(core, spread=0, **WORST)
@@ -156,7 +155,7 @@ def test_a_stuck_driver_gives_no_more_however_often_it_is_armed(attacker, core, 
     assert a.rise_k() < WORST_K + 0.014 / 97 * 79 * WORST_W
 
 
-@cores
+@on_every_core
 @pytest.mark.parametrize(("how", "apart_ms"), [("disarm", 9), ("stop", 3), ("disarm", 0)])
 def test_a_stuck_driver_gives_no_more_to_a_host_that_ends_before_anything_latches(attacker, core, how, apart_ms):
     """Fed for less than it takes to notice, and at the shortest for less than until the first look, over and over."""
@@ -174,7 +173,7 @@ def test_a_stuck_driver_gives_no_more_to_a_host_that_ends_before_anything_latche
     assert a.rise_k() < WORST_K + 0.014 / 97 * 79 * WORST_W
 
 
-@cores
+@on_every_core
 @pytest.mark.parametrize("supply_ohm", [0.0, 0.45])
 @pytest.mark.parametrize(("period_ms", "duration"), [(1, 1), (3, 30), (5, 99)])
 def test_no_pulses_of_other_coils_hide_a_driver_that_is_stuck(attacker, core, period_ms, duration, supply_ohm):
@@ -190,7 +189,7 @@ def test_no_pulses_of_other_coils_hide_a_driver_that_is_stuck(attacker, core, pe
     assert a.rise_k() < 0.08 / 97 * 79 * WORST_W
 
 
-@cores
+@on_every_core
 def test_a_sound_board_pays_nothing_for_being_armed_and_looked_at(attacker, core):
     a = attacker(core, spread=0)
     boot_id = a.ask("identify").boot_id

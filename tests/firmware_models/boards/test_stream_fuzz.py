@@ -7,14 +7,13 @@ on Python boards that are broken on purpose.
 
 from __future__ import annotations
 
-import ctypes.util
-import shutil
 import struct
 from random import Random
 from typing import Any
 
 import pytest
 import serial
+from cores import on_cores
 from stream_oracle import (
     ARM,
     BYTE_NS,
@@ -41,21 +40,8 @@ from firmware_models.boards.brake_board import BrakeBoard
 from firmware_models.boards.tactiles_board import TactilesBoard
 from haptics.link.messages import Fault, State
 
-TOOLS = {"py": (), "c": ("cc", "make"), "avr": ("cc", "make", "avr-gcc")}
 PUNCTUAL_NS = {"py": 500, "c": 500, "avr": 50_000}  # a frame may come in within the very tick that it names
 LATE_NS = {"py": 1000, "c": 1000, "avr": 200_000}  # of what goes off: on the chip up to 102 us, and a main loop that is busy
-
-
-def missing(core: str) -> list[str]:
-    tools = [tool for tool in TOOLS[core] if shutil.which(tool) is None]
-    return tools + ["libsimavr"] * (core == "avr" and ctypes.util.find_library("simavr") is None)
-
-
-def on(*cores: str) -> Any:
-    marks = {
-        core: pytest.mark.skipif(bool(missing(core)), reason=f"no core {core} here: {missing(core)} not found") for core in cores
-    }
-    return pytest.mark.parametrize("core", [pytest.param(core, marks=mark) for core, mark in marks.items()])
 
 
 def test_this_coder_is_the_pages():
@@ -198,7 +184,7 @@ def check(core: str, board: str, amount: int, seed: int = 1) -> None:
         assert starts["piezo"] > amount / 2000
 
 
-@on("py", "c", "avr")
+@on_cores("py", "c", "avr")
 @pytest.mark.parametrize("board", ["tactiles", "brake"])
 def test_nothing_goes_on_but_by_a_valid_frame(core, board):
     check(core, board, 15_000 if core == "avr" else 60_000)
@@ -206,7 +192,7 @@ def test_nothing_goes_on_but_by_a_valid_frame(core, board):
 
 @pytest.mark.soak
 @pytest.mark.timeout(7200)
-@on("py", "c")
+@on_cores("py", "c")
 @pytest.mark.parametrize("board", ["tactiles", "brake"])
 def test_nothing_goes_on_in_ten_million_bytes_either(core, board):
     check(core, board, 10_000_000, seed=2)

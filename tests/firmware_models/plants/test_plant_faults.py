@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from sim_host import NEEDS_AVR, NEEDS_CC
+from cores import CORES
 
 from firmware_models.cores.avr_board import START_TICK
 from haptics.link.messages import Fault, State, Status
@@ -16,7 +16,7 @@ TEN_MS = [200] * 15
 WHOLE_BOARD = 255
 
 
-@pytest.fixture(params=["py", pytest.param("c", marks=NEEDS_CC), pytest.param("avr", marks=[NEEDS_CC, NEEDS_AVR])])
+@pytest.fixture(params=CORES)
 def core(request) -> str:
     """The firmware that must notice."""
     return request.param
