@@ -24,7 +24,7 @@ demo: $(STAMP)  ## install, then play a shipped hand that grasps a ball on simul
 	@echo "== demo.png shows what was felt, demo.h5 holds all of it; for the commands of the README: . $(BIN)/activate"
 
 test: $(STAMP)  ## the tests (no torch needed)
-	$(BIN)/python -m pytest -n auto --dist loadgroup
+	$(BIN)/python -m pytest -n auto --dist worksteal
 
 check: $(STAMP)  ## format, lint, types, architecture
 	$(BIN)/ruff format --check .

@@ -19,11 +19,13 @@ REPORTING = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("arguments", "key"), REPORTING.items(), ids=[" ".join(words[:2]) for words in REPORTING])
 def test_a_command_that_reports_answers_one_strict_json_object(answer, arguments, key):
     assert key in answer(*arguments)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("arguments", [words for words in REPORTING if words[0] != "off"], ids=lambda words: " ".join(words[:2]))
 def test_a_person_gets_words_and_the_same_exit_code(command, arguments):
     code, out, err = command(*arguments)
@@ -123,11 +125,13 @@ COMMANDS = (
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("words", COMMANDS, ids=" ".join)
 def test_an_unknown_option_is_refused_by_every_command(refused, words):
     assert "--colour" in refused(*words, "--colour", "blue")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("words", COMMANDS, ids=" ".join)
 def test_every_command_says_what_it_does(command, words):
     code, out, _ = command(*words, "--help")

@@ -59,6 +59,7 @@ def right(tmp_path) -> np.ndarray:
     return opened(write(tmp_path / "right.obj", V, F)).on(BODY.straight_m)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("vertices", "frame", "seen"),
     [
@@ -169,6 +170,7 @@ def drawn_around(body: Path) -> tuple[np.ndarray, np.ndarray]:
     return np.asarray(arm.vertices + 0.004 * arm.vertex_normals), np.asarray(arm.faces)
 
 
+@pytest.mark.slow
 def test_a_sleeve_drawn_around_the_exported_body_is_designed_and_its_notes_kept(tmp_path, answer, command, monkeypatch):
     monkeypatch.setitem(sys.modules, "matplotlib", None)  # pictures take most of the time
     body = answer("garment", "bodies", "--export", tmp_path / "body.obj")

@@ -17,6 +17,7 @@ def test_the_shipped_measurement_keeps_its_contract(answer):
         assert row["cost_s_per_sim_s"].keys() == {"1", "15", "64", "1000"}
 
 
+@pytest.mark.slow
 def test_a_measurement_is_written_whole_and_not_over_another(command, tmp_path):
     out, picture = tmp_path / "table.json", tmp_path / "table.png"
     code, _, err = command("fidelity", "measure", "--shipped", "--out", out, "--picture", picture)
@@ -51,6 +52,7 @@ def test_tables_name_what_they_show(command, monkeypatch):
         assert all(word in text for word in named), text
 
 
+@pytest.mark.slow
 def test_a_proof_says_whether_it_was_kept_by_its_exit_code(command, strict_json):
     code, out, _ = command("fidelity", "prove", "playground", "--json")
     assert code == 0
@@ -90,6 +92,7 @@ def test_a_pulse_beyond_the_stated_drive_is_answered_and_called_not_valid(answer
     assert "6 V" in reasons
 
 
+@pytest.mark.slow
 def test_levels_of_a_brake_differ_where_they_should(answer):
     found = {
         level: answer("predict", "brake", "--volts", "1000", "--hz", "10", "--level", level)

@@ -10,6 +10,9 @@ import pytest
 from quick_garments import quick_garments
 from test_drawn_garments import drawn_around, write
 
+pytestmark = pytest.mark.slow
+
+
 pytest.importorskip("matplotlib", reason="extra `report`")
 
 PAGE = (Path(__file__).parents[2] / "docs" / "how-to" / "garments.md").read_text(encoding="utf-8")

@@ -110,6 +110,7 @@ def test_a_time_below_zero_is_refused(refused):
     assert "for-s" in refused("link", "monitor", "--port", VIRTUAL, "--for-s", -1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("board", ["tactiles", "brake"])
 def test_conformance_answers_a_row_a_rule(answer, board):
     report = answer("link", "conformance", "--port", f"sim://{board}")

@@ -73,6 +73,7 @@ def test_strips_overlap_and_film_scale_the_capacitance(answer):
     assert one["capacitance_f"] == pytest.approx(one["permittivity"] * EPS0_F_PER_M * 11e-4 / 13e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", ["threshold", "ideal", "closing_gap"])
 @pytest.mark.parametrize("force_n", [0.5, 4.0, 15.0])
 def test_the_inverse_gives_the_volts_that_hold_the_force(answer, law, force_n):

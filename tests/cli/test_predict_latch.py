@@ -58,6 +58,7 @@ def test_both_levels_answer_alike_for_the_stated_drive(answer, level):
     assert told["arrival_ms"] == pytest.approx(6.0, abs=0.1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "word"),
     [

@@ -187,6 +187,7 @@ def test_contacts_and_releases_in_turns_every_5_ms_on_all_channels_play_both(glo
     assert worst_ns <= bound_s * NS_PER_S
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("line", ["", "&faults=corrupt=0.01,drop=0.003"])
 @pytest.mark.parametrize("seed", range(4))
 def test_whatever_was_asked_pins_are_believed_where_they_are_and_come_back(seed: int, line: str):

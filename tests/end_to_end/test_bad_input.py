@@ -104,6 +104,7 @@ def test_a_port_that_is_missing(run):
     _refused(run("playground", "synthetic", "--port-tactiles", "/dev/ttyNOSUCH7", "--realtime"), "/dev/ttyNOSUCH7")
 
 
+@pytest.mark.slow
 def test_a_port_that_is_no_board(run):
     _refused(run("playground", "synthetic", "--port-tactiles", "loop://", "--realtime"), "loop://")
 
@@ -142,6 +143,7 @@ def test_a_journal_without_a_name(haptics):
     _refused(haptics("recording", "recover", "/"), "expected a file name")
 
 
+@pytest.mark.slow
 def test_names_that_are_no_text_and_names_with_signs_of_formulas_are_names(haptics, tmp_path):
     hand = tmp_path / "a$b_{c$\udcff.json"
     hand.write_text(json.dumps(_leap([_hand_frame(10_000 * index) for index in range(5)])))

@@ -9,9 +9,13 @@ import shutil
 import pytest
 
 MISSING = [tool for tool in ("cc", "make", "avr-gcc") if shutil.which(tool) is None]
-pytestmark = pytest.mark.skipif(
-    bool(MISSING) or ctypes.util.find_library("simavr") is None, reason=f"not all firmwares run here: {MISSING or 'libsimavr'}"
-)
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(
+        bool(MISSING) or ctypes.util.find_library("simavr") is None,
+        reason=f"not all firmwares run here: {MISSING or 'libsimavr'}",
+    ),
+]
 EDGE_MS = 0.01  # an edge is at most 10 us late (docs/reference/boards.md)
 CLOCK_MS = 0.01  # how far two boards' clock fits may differ: their sync stamps are that exact
 # A volt rounded to what the setpoint's converter has, a wave's edges, and heat by pulses a few us longer.

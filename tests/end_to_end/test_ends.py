@@ -18,7 +18,7 @@ from haptics.errors import CommandRefused
 from haptics.recording import load
 from rigs.tolerance.study import process_pool
 
-pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals as POSIX has them")
+pytestmark = [pytest.mark.skipif(sys.platform == "win32", reason="signals as POSIX has them"), pytest.mark.slow]
 
 CHILD = Path(__file__).with_name("ended_command.py")
 RUN = ("run", "playground", "--json", "--out")

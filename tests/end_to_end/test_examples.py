@@ -13,6 +13,9 @@ import pytest
 from haptics.session.configuration import Configuration
 from haptics.session.run import RunOptions, run_scene
 
+pytestmark = pytest.mark.slow
+
+
 EXAMPLES = Path(__file__).parents[2] / "examples"
 SHOWN = {
     "engine_loop.py": [

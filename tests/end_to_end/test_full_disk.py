@@ -16,7 +16,7 @@ from haptics.recording import Journal, finalise, load, read_journal
 from haptics.session.configuration import Configuration
 from haptics.session.run import RunOptions, run_scene
 
-pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="limits and pipes as POSIX has them")
+pytestmark = [pytest.mark.skipif(sys.platform == "win32", reason="limits and pipes as POSIX has them"), pytest.mark.slow]
 
 CHILD = Path(__file__).with_name("ended_command.py")
 LIMITED = """

@@ -49,6 +49,7 @@ def nothing_left(tmp_path):
     assert [path.name for path in tmp_path.iterdir() if path.suffix in (".h5", ".journal")] == []
 
 
+@pytest.mark.slow
 def test_one_bad_pose_is_refused_and_counted_and_the_rest_is_played(play, tmp_path):
     done = play(_leap(frames(bad=15)))
     assert done.code == 0, done.err
@@ -60,6 +61,7 @@ def test_one_bad_pose_is_refused_and_counted_and_the_rest_is_played(play, tmp_pa
         assert len(file["entry/poses/time_ns"]) == 39
 
 
+@pytest.mark.slow
 def test_what_a_bad_pose_did_not_move_is_as_without_it(play):
     whole = _leap(frames())
     spoilt = _leap(frames(bad=15))
@@ -72,6 +74,7 @@ def test_what_a_bad_pose_did_not_move_is_as_without_it(play):
     assert play(whole).json["contacts"] == reports[0]["contacts"]
 
 
+@pytest.mark.slow
 def test_a_pose_that_cannot_be_read_is_counted_with_them(play):
     content = frames(bad=15)
     content[20]["pointables"][2]["dipPosition"] = None
@@ -79,6 +82,7 @@ def test_a_pose_that_cannot_be_read_is_counted_with_them(play):
     assert (hand["poses"], hand["refused"]) == (40, 2)
 
 
+@pytest.mark.slow
 def test_a_stamp_from_the_future_costs_its_own_pose_only(play):
     content = frames()
     content[10]["timestamp"] += 500_000_000
@@ -115,6 +119,7 @@ def test_another_side_is_refused_by_name(play):
     assert "side = 'both' is not allowed; allowed: auto, left, right" in done.err
 
 
+@pytest.mark.slow
 def test_of_two_hands_either_can_be_chosen(play, tmp_path):
     both = [{**a, "hands": a["hands"] + b["hands"], "pointables": a["pointables"] + b["pointables"]}
             for a, b in zip(frames(30), map(left, frames(30)), strict=True)]  # fmt: skip
@@ -132,6 +137,7 @@ def test_of_two_hands_either_can_be_chosen(play, tmp_path):
     assert chosen == alone
 
 
+@pytest.mark.slow
 def test_a_wrong_label_is_noted_and_played(play):
     content = frames(30)
     for frame in content:
@@ -141,6 +147,7 @@ def test_a_wrong_label_is_noted_and_played(play):
     assert any("the hand labelled left looks like a right one" in note for note in done.json["notes"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", ["prove", "onset"])
 def test_every_command_that_takes_a_hand_takes_its_side(haptics, tmp_path, command):
     path = tmp_path / "hand.jsonl"
@@ -164,6 +171,7 @@ def test_a_folder_of_hands_in_several_wrappers(haptics, tmp_path):
     assert done.code == 0, done.err
 
 
+@pytest.mark.slow
 def test_a_run_with_a_refused_pose_is_replayed_to_the_byte(play, haptics, tmp_path):
     assert play(_leap(frames(bad=15))).code == 0
     assert haptics("replay", tmp_path / "out.h5", "--json").json["identical"] is True

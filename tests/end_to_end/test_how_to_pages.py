@@ -23,6 +23,7 @@ def blocks(page: str) -> list[tuple[str, str, str]]:
     return [(pieces[n + 1], pieces[n + 2], pieces[n]) for n in range(0, len(pieces) - 2, 3)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("page", PAGES)
 def test_every_block_of_a_page_works_in_the_order_of_the_page(page, haptics, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)

@@ -21,7 +21,7 @@ from haptics.session.recorder import COMMIT_NS
 from haptics.session.run import RunOptions, run_scene
 from haptics.session.sampler import SAMPLE_NS
 
-pytestmark = pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="kills as POSIX does")
+pytestmark = [pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="kills as POSIX does"), pytest.mark.slow]
 SCENE = "tennis"  # drives both boards
 
 

@@ -49,6 +49,7 @@ def hand(tmp_path):
     return tmp_path / "hand.json"
 
 
+@pytest.mark.slow
 def test_notes_reach_the_report_the_recording_and_slowness_is_said_before(haptics, tmp_path, hand):
     write_ball(tmp_path / "ball.obj")
     (tmp_path / "mine.toml").write_text(SCENE + 'shape = { kind = "mesh", file = "ball.obj", units = "m" }\n')
@@ -72,6 +73,7 @@ def test_notes_reach_the_report_the_recording_and_slowness_is_said_before(haptic
     assert "note: 728 triangles of meshes" in done.out
 
 
+@pytest.mark.slow
 def test_eighty_metres_are_asked_about_and_leave_nothing_behind(haptics, tmp_path, hand):
     write_ball(tmp_path / "ball.obj", radius=40)
     (tmp_path / "mine.toml").write_text(SCENE + 'shape = { kind = "mesh", file = "ball.obj" }\n')

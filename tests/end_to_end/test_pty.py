@@ -22,6 +22,7 @@ from haptics.errors import CommandRefused
 from haptics.recording import load, read_journal
 
 pytestmark = [
+    pytest.mark.slow,
     pytest.mark.pty,
     pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals exist on POSIX systems only"),
     pytest.mark.timeout(180),

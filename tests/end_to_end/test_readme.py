@@ -59,6 +59,7 @@ def test_the_readme_is_read_in_minutes():
     assert len(README.read_text(encoding="utf-8").split()) < 700
 
 
+@pytest.mark.slow
 def test_the_tutorial_runs_as_pasted_and_ends_in_a_felt_grasp(haptics, capsys, tmp_path, monkeypatch):
     pytest.importorskip("matplotlib", reason="extra `report`")
     (ball,) = blocks(TUTORIAL, "toml")
@@ -72,6 +73,7 @@ def test_the_tutorial_runs_as_pasted_and_ends_in_a_felt_grasp(haptics, capsys, t
     assert "pins out: thumb_tip, index_tip, middle_tip; " in out
 
 
+@pytest.mark.slow
 def test_what_the_tutorial_says_of_its_grasp_is_so(haptics, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     report = haptics("run", CHECKOUT / "examples" / "ball.toml", "--out", "ball.h5", "--json").json
@@ -84,6 +86,7 @@ def test_what_the_tutorial_says_of_its_grasp_is_so(haptics, tmp_path, monkeypatc
     assert ball.partition("\n")[2] == (CHECKOUT / "examples" / "ball.toml").read_text(encoding="utf-8").partition("\n")[2]
 
 
+@pytest.mark.slow
 def test_the_page_of_commands_runs_as_pasted(haptics, tmp_path, monkeypatch):
     (tmp_path / "glove.toml").write_text('side = "left"\n', encoding="utf-8")
     from haptics.recording import Journal
@@ -94,6 +97,7 @@ def test_the_page_of_commands_runs_as_pasted(haptics, tmp_path, monkeypatch):
     assert len(run_page(COMMANDS, haptics, monkeypatch, tmp_path)) > 20
 
 
+@pytest.mark.slow
 def test_make_firmware_builds_both_images():
     if shutil.which("avr-gcc") is None:
         pytest.skip("avr-gcc is not installed: no image can be built")

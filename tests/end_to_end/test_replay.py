@@ -41,6 +41,7 @@ def changed(path: Path) -> Iterator[h5py.File]:
     seal(path)
 
 
+@pytest.mark.slow
 def test_a_replay_sends_and_receives_the_same_bytes_at_the_same_times(haptics, recorded):
     before = recorded.read_bytes()
     done = haptics("replay", recorded, "--json")
@@ -54,6 +55,7 @@ def test_a_replay_sends_and_receives_the_same_bytes_at_the_same_times(haptics, r
     assert recorded.read_bytes() == before
 
 
+@pytest.mark.slow
 def test_one_flipped_bit_on_the_wire_is_found_and_placed(haptics, copy):
     with changed(copy) as file:
         wire = file["entry/wire"]
@@ -67,6 +69,7 @@ def test_one_flipped_bit_on_the_wire_is_found_and_placed(haptics, copy):
     assert done.json["first_difference_ns"] == time_ns
 
 
+@pytest.mark.slow
 def test_a_bit_that_flips_by_itself_is_damage_and_is_not_replayed(haptics, copy):
     with h5py.File(copy) as file:
         place = file["entry/wire/data"].id.get_chunk_info(0).byte_offset
@@ -81,6 +84,7 @@ def test_a_bit_that_flips_by_itself_is_damage_and_is_not_replayed(haptics, copy)
     assert (done.code, done.json["damaged"]) == (1, ["entry/wire/data"])
 
 
+@pytest.mark.slow
 def test_one_moved_pose_is_found_from_when_it_mattered(haptics, copy):
     with changed(copy) as file:
         events, poses = file["entry/events"], file["entry/poses"]
@@ -141,6 +145,7 @@ def test_what_is_no_recording_of_a_run_is_refused(haptics, copy):
     assert "cannot be replayed" in done.err
 
 
+@pytest.mark.slow
 def test_a_recording_is_a_hand(haptics, recorded, tmp_path):
     poses = {}
     for name, hand in (("first", "synthetic"), ("second", recorded)):

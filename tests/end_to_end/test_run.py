@@ -15,6 +15,7 @@ def _run(haptics, tmp_path, scene, hand, *more):
     return done.json, out
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scene", ["desk", "playground"])
 @pytest.mark.parametrize("name", RECORDED)
 def test_every_recorded_hand_runs_in_every_hand_scene(haptics, tmp_path, recordings, scene, name):
@@ -26,6 +27,7 @@ def test_every_recorded_hand_runs_in_every_hand_scene(haptics, tmp_path, recordi
     assert report["recording"] == str(out)
 
 
+@pytest.mark.slow
 def test_grab_in_the_playground_is_two_grasps_and_both_brakes_act_in_each(haptics, tmp_path, recordings):
     report, out = _run(haptics, tmp_path, "playground", recordings / "grab.leap.json.gz")
     assert report["grasps"] == 2
@@ -42,12 +44,14 @@ def test_grab_in_the_playground_is_two_grasps_and_both_brakes_act_in_each(haptic
             assert (ticks["force_n"][()][during][:, :2].max(axis=0) > 1).all()
 
 
+@pytest.mark.slow
 def test_a_hand_that_never_closes_gets_no_grasp_and_the_report_says_why(haptics, tmp_path, recordings):
     report, _ = _run(haptics, tmp_path, "playground", recordings / "wave.leap.json.gz")
     assert report["grasps"] == 0
     assert any("closing stroke" in note for note in report["notes"])
 
 
+@pytest.mark.slow
 def test_same_seed_gives_the_same_report_and_the_same_bytes(haptics, tmp_path):
     first, out = _run(haptics, tmp_path, "playground", "synthetic", "--seed", 7)
     with h5py.File(out) as file:
@@ -58,12 +62,14 @@ def test_same_seed_gives_the_same_report_and_the_same_bytes(haptics, tmp_path):
     assert first == second
 
 
+@pytest.mark.slow
 def test_another_seed_gives_another_board(haptics, tmp_path):
     first, _ = _run(haptics, tmp_path, "playground", "synthetic", "--seed", 7)
     other, _ = _run(haptics, tmp_path, "playground", "synthetic", "--seed", 8)
     assert first["actuators"] != other["actuators"]
 
 
+@pytest.mark.slow
 def test_the_synthetic_hand_touches_and_grasps(haptics, tmp_path):
     report, _ = _run(haptics, tmp_path, "playground", "synthetic")
     assert report["contacts"] > 0
@@ -71,6 +77,7 @@ def test_the_synthetic_hand_touches_and_grasps(haptics, tmp_path):
     assert report["pulses"]["played"] > 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scene", ["workplace", "posture", "resistance", "tennis"])
 def test_garment_scenes_engage_clutches_and_build_no_tactors_they_do_not_use(haptics, tmp_path, scene):
     report, _ = _run(haptics, tmp_path, scene, "synthetic")
@@ -79,6 +86,7 @@ def test_garment_scenes_engage_clutches_and_build_no_tactors_they_do_not_use(hap
     assert "tactiles" in planned or not report["actuators"]
 
 
+@pytest.mark.slow
 def test_latency_is_a_setting_and_costs_closeness(haptics, tmp_path, recordings):
     near, _ = _run(haptics, tmp_path, "playground", recordings / "grab.leap.json.gz", "--latency-ms", 0)
     far, _ = _run(haptics, tmp_path, "playground", recordings / "grab.leap.json.gz", "--latency-ms", 40)
@@ -94,6 +102,7 @@ def test_an_existing_recording_is_not_overwritten(haptics, tmp_path):
     assert out.read_bytes() == b"mine"
 
 
+@pytest.mark.slow
 def test_the_recording_opens_on_its_default_plot(haptics, tmp_path):
     _, out = _run(haptics, tmp_path, "playground", "synthetic")
     with h5py.File(out) as file:

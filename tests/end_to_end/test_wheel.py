@@ -15,6 +15,9 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.slow
+
+
 CHECKOUT = Path(__file__).parents[2]
 PACKAGES = ("haptics", "firmware_models", "rigs")
 

@@ -81,11 +81,13 @@ def _other_brake_cases(kind, count, seed):
             yield level, _beyond(brake_cases.errors(brake_cases.play(case, level), true), "brake", level, kind)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["typical", "edge"])
 def test_the_worst_of_the_latch_holds_for_other_cases(kind):
     assert not [(level, beyond) for level, beyond in _other_latch_cases(kind, 25, seed=77) if beyond]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["typical", "edge"])
 def test_the_worst_of_the_brake_holds_for_other_cases(kind):
     assert not [(level, beyond) for level, beyond in _other_brake_cases(kind, 6, seed=77) if beyond]
@@ -127,6 +129,7 @@ def test_one_node_hides_what_a_coil_that_stays_on_does():
     assert max(thermal_cases.errors(case, "two_node")["coil temperature"] for case in edge) == 0.0
 
 
+@pytest.mark.slow
 def test_measuring_twice_gives_the_same_errors():
     table = measure(quick=True, models=("thermal",))
     again = measure(quick=True, models=("thermal",))

@@ -62,6 +62,7 @@ def test_a_scene_with_two_fingertips_builds_two_actuators(two_tips):
         glove.close()
 
 
+@pytest.mark.slow
 def test_the_report_speaks_of_the_actuators_that_exist(two_tips, tmp_path):
     report = run_scene(str(tmp_path / "two_tips.toml"), "synthetic", Configuration(), RunOptions(record=False))
     assert [row["site"] for row in report["actuators"]] == ["thumb_tip", "index_tip"]

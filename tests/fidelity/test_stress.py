@@ -21,6 +21,7 @@ def refuse() -> float:
     raise InputError("no")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", MODELS)
 def test_every_level_holds_at_its_extremes(model):
     rows = stress(quick=True, models=[model])

@@ -18,6 +18,7 @@ from haptics.link.simulated import simulated
 MS = 1_000_000
 
 
+@pytest.mark.slow
 def test_pyserial_finds_the_board_unpatched_and_without_importing_it_first() -> None:
     """In a fresh interpreter: only the package's name is handed to pyserial; the default clock is the real one."""
     script = """

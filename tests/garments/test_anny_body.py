@@ -16,6 +16,9 @@ from haptics.garments.cut.cutting import openings
 from haptics.garments.garment import GARMENTS, OPENINGS, cut_garment
 from haptics.garments.mesh import SurfaceMesh, checked_mesh
 
+pytestmark = pytest.mark.slow
+
+
 PEOPLE = [
     {},
     {"weight": 1.0, "gender": 0.0},

@@ -111,6 +111,7 @@ def test_only_the_limb_moves():
     assert limb(BODY, "l", LEG)[moved].all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", SIZES, ids=str)
 @pytest.mark.parametrize(("name", "parts"), [("elbow_flexion", ARM), ("knee_flexion", LEG)])
 def test_the_skin_of_a_bent_limb_neither_turns_over_nor_degenerates(size, name, parts):

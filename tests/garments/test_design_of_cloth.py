@@ -19,6 +19,9 @@ from haptics.garments.materials import CLOTH
 from haptics.garments.mesh import Bools
 from haptics.garments.patch.clamped_patch import ClampedPatch
 
+pytestmark = pytest.mark.slow
+
+
 COVERAGE = 0.3
 SOLVER = "superlu"
 """There everywhere, and the same bits each time."""

@@ -52,6 +52,7 @@ def test_file_reads_back_as_the_sequence(tmp_path: Path) -> None:
         assert {**vars(one), "design": 0} == {**vars(other), "design": 0}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("steps", [1, 57, 85])
 def test_interrupted_and_resumed_gives_the_same_bytes(tmp_path: Path, whole: bytes, steps: int) -> None:
     store = DesignStore(tmp_path / "designs.h5", SETTINGS)
@@ -76,6 +77,7 @@ def test_complete_file_is_not_computed_again(tmp_path: Path, whole: bytes) -> No
     assert not panel.starts
 
 
+@pytest.mark.slow
 def test_steps_before_one_that_does_not_converge_are_kept(tmp_path: Path, whole: bytes) -> None:
     store = DesignStore(tmp_path / "designs.h5", SETTINGS)
     with pytest.raises(DesignInterrupted):
@@ -188,6 +190,7 @@ def _killed_again_and_again(path: Path, kills: int, seed: int) -> int:
     raise AssertionError
 
 
+@pytest.mark.slow
 def test_killed_at_any_moment_all_told_steps_are_kept_and_the_end_is_the_same(tmp_path: Path, whole: bytes) -> None:
     path = tmp_path / "designs.h5"
     assert _killed_again_and_again(path, 2, seed=4) == 2

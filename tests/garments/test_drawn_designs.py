@@ -47,6 +47,7 @@ def strained() -> StrainedTube:
     return StrainedTube()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", ["line", "x"])
 @pytest.mark.parametrize("coverage", [0.05, 0.4])
 def test_every_place_has_the_area_asked_for(strained: StrainedTube, shape: str, coverage: float) -> None:
@@ -67,6 +68,7 @@ def test_line_is_a_straight_strip_of_even_width_where_the_strain_is(strained: St
     assert best.design[apart < half - 2 * one_column].all()
 
 
+@pytest.mark.slow
 def test_best_place_is_the_one_returned(strained: StrainedTube) -> None:
     for shape in ("line", "x"):
         best = best_drawn(strained, shape, 0.15)
@@ -85,6 +87,7 @@ def test_eight_places_go_once_around(strained: StrainedTube) -> None:
     assert abs(steps.sum()) == pytest.approx(315, abs=4)
 
 
+@pytest.mark.slow
 def test_x_crosses_at_the_strain_and_closes_two_loops_on_the_other_side(strained: StrainedTube) -> None:
     designs = drawn_designs(strained, "x", 0.12, solved(strained, strained.designable))
     design = next(found for place, found in designs.items() if place.endswith(", 0 deg, reach 0.25"))

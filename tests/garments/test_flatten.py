@@ -82,6 +82,7 @@ def test_a_cap_of_a_sphere_is_distorted_as_theory_says():
     assert distortion(disc, flat).largest_stretch == pytest.approx(max(s1.max(), s2.max()), abs=0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mesh", [tube(bulge=0.03), three_openings(), cap(80.0)], ids=["barrel", "shorts", "cap"])
 def test_nothing_is_flipped_and_the_area_is_kept(mesh):
     for panel in panels(mesh):

@@ -16,6 +16,7 @@ def on_body(garment):
     return SurfaceMesh(garment.on(BODY.straight_m), garment.triangles)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "level"), CUT)
 def test_a_garment_is_one_sheet_with_its_openings_and_no_hole(name, level):
     mesh = on_body(CUT[name, level])
@@ -34,6 +35,7 @@ def test_a_level_has_about_its_number_of_vertices(name, level):
     assert 0.83 <= CUT[name, level].weights.shape[0] / LEVELS[level] <= 1.1
 
 
+@pytest.mark.slow
 def test_the_reference_level_has_28_thousand():
     garment = cut_garment(BODY, "sleeve", "reference")
     assert 0.83 <= garment.weights.shape[0] / 28000 <= 1.1
@@ -125,6 +127,7 @@ def test_the_same_cut_gives_the_same_bytes():
     assert again.triangles.tobytes() == CUT["shorts", "draft"].triangles.tobytes()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [{"girth": 0.8}, {"girth": 1.25}, {"height_m": 1.4, "girth": 1.25}, {"height_m": 2.1}], ids=str)
 def test_every_garment_fits_every_size(size):
     for name in GARMENTS:

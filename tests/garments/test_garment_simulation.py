@@ -35,6 +35,7 @@ def hoop_energy_j_m2(stretch: float) -> float:
     return mu / 2 * (stretch**2 + width**2 - 2) - mu * np.log(stretch * width) + lam / 2 * np.log(stretch * width) ** 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("by", [0.02, 0.3])
 def test_a_tube_on_a_swollen_limb_stores_the_energy_of_a_strip_pulled_around_it(by):
     """Exact, but for the mesh, whose error falls with the square of its edges: the cloth is stretched around the limb and free

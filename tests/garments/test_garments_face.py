@@ -18,6 +18,7 @@ def test_every_name_of_the_face_is_there():
         garments.nothing  # noqa: B018
 
 
+@pytest.mark.slow
 def test_the_first_page_runs(monkeypatch):
     """At the coarsest level, a high coverage and few angles, which is quick; else word for word."""
     lines = [line for line in garments.__doc__.splitlines() if line.startswith("    ")]

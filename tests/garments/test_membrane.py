@@ -120,6 +120,7 @@ def energy_in_extended_precision(f: Array, lam: float, mu: float) -> np.longdoub
     return long(mu) / 2 * stretch + long(lam) / 2 * (log_s + log_w) ** 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lame", CONSTANTS)
 @pytest.mark.parametrize("name", CASES)
 def test_energy_agrees_with_extended_precision(name: str, lame: tuple[float, float]) -> None:

@@ -37,6 +37,7 @@ def test_the_judge_is_given_the_stated_materials() -> None:
             assert lame_n_m((young, thickness), lame) == pytest.approx(ours.lame_n_m(lame), rel=1e-14)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("design", "strain", "lame"), [("none", 0.1, "plane"), ("full", 0.5, "thesis")])
 def test_one_material_agrees_with_the_judge(design: str, strain: float, lame: str) -> None:
     judged = judge_patch(even_mesh(CELLS), lambda x, _: np.full(x.shape, design == "full"), strain, lame)
@@ -47,6 +48,7 @@ def test_one_material_agrees_with_the_judge(design: str, strain: float, lame: st
     assert ours.energy_j == pytest.approx(judged.energy_j, rel=WITHIN)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("coverage", "angle_deg", "strain", "lame"),
     [
@@ -67,6 +69,7 @@ def test_a_strip_agrees_with_the_judge(coverage: float, angle_deg: float, strain
     assert ours.coverage == pytest.approx(coverage, abs=1e-12)
 
 
+@pytest.mark.slow
 def test_an_x_agrees_with_the_judge() -> None:
     coverage, mesh, reinforced_at = x_design(8)
     judged = judge_patch(mesh(CELLS), reinforced_at)
@@ -138,6 +141,7 @@ def test_any_installed_solver_gives_the_same() -> None:
 # --- refinement ---
 
 
+@pytest.mark.slow
 def test_the_error_falls_with_the_number_of_triangles() -> None:
     """Linear triangles: the energy, and so the force, with the first power of their number, which is h^2."""
     results = [pull("strip", elements=elements) for elements in (500, 2000, 8000)]
@@ -159,6 +163,7 @@ def test_forces_rise_with_coverage_between_cloth_and_full() -> None:
 # --- bands and their mesh ---
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", FAMILIES.values(), ids=list(FAMILIES))
 @pytest.mark.parametrize("coverage", [1e-3, 0.4, 0.99])
 def test_triangles_follow_the_bands_and_cover_what_was_asked(shape: Callable[[float], Layout], coverage: float) -> None:
@@ -213,6 +218,7 @@ def test_a_mask_reinforces_the_triangles_whose_centres_it_holds() -> None:
 # --- the published forces ---
 
 
+@pytest.mark.slow
 def test_at_forty_percent_no_layout_gives_the_published_x() -> None:
     """2 E / u of the evenly stretched patch bounds every layout's force: 9.36 N, below the X both measured and simulated."""
     bound = 2 * max_energy_j(0.4) / (0.1 * SIDE_M)
@@ -272,6 +278,7 @@ def test_what_is_no_patch_is_refused(call: Callable[[], object], says: str) -> N
         call()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("words", "family"), [("one band along the pull", "along"), ("one at 35°", "at 35 degrees")])
 def test_the_page_reports_what_the_layouts_give(words, family):
     page = (Path(__file__).resolve().parents[2] / "docs" / "explanation" / "patch.md").read_text(encoding="utf-8")

@@ -95,6 +95,7 @@ def test_reinforcement_stays_on_the_cloth(pattern):
         assert shapely.union_all(panel.cut.polygons).difference(cloth).area < 1e-12
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("garment", [tube(around=48, along=52), three_openings()], ids=["tube", "shorts"])
 def test_reinforcement_meets_across_seams(garment):
     design = np.abs(garment.centres_m[:, 2] - garment.centres_m[:, 2].mean()) < 0.04
@@ -114,6 +115,7 @@ def test_reinforcement_meets_across_seams(garment):
     assert crossings
 
 
+@pytest.mark.slow
 def test_no_smoothing_gives_the_edges_of_the_mesh():
     garment = tube()
     pattern = make_pattern(garment, ring_and_cross(garment), "tube", options=PatternOptions(smoothing_m=0.0))

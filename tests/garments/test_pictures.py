@@ -172,6 +172,7 @@ def picture(request, worn, sequence, tmp_path_factory):
     return request.param, drawn(request.param, worn, sequence, tmp_path_factory.mktemp("pictures") / f"{request.param}.png")
 
 
+@pytest.mark.slow
 def test_nothing_is_cut_off_at_the_edges(picture):
     pixels = imread(picture[1])[..., :3]
     for edge in (pixels[:2], pixels[-2:], pixels[:, :2], pixels[:, -2:]):
@@ -179,6 +180,7 @@ def test_nothing_is_cut_off_at_the_edges(picture):
     assert (pixels < 0.9).any(axis=2).mean() > 0.02  # not an empty page
 
 
+@pytest.mark.slow
 def test_the_same_design_gives_the_same_bytes_and_is_not_overwritten_unasked(picture, worn, sequence, monkeypatch):
     kind, path = picture
     one = path.read_bytes()

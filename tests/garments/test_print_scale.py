@@ -14,6 +14,9 @@ from PIL import Image
 
 from haptics.garments.pattern import PatternOptions, make_pattern, write_pattern
 
+pytestmark = pytest.mark.slow
+
+
 SPACE = "{http://www.w3.org/2000/svg}"
 MM2_PER_M2, MM_PER_M = 1e6, 1e3
 AREA_AGREES = 5e-3

@@ -45,6 +45,7 @@ def test_the_seam_goes_round_the_reinforcement():
     assert (design[cloth.parents] & touched).any()
 
 
+@pytest.mark.slow
 def test_cutting_keeps_the_surface_and_its_orientation():
     garment = tube(24, 26, bulge=0.02)
     cloth, _ = cut(garment)
@@ -80,6 +81,7 @@ def test_three_openings_are_parted_into_front_and_back():
     assert sorted(np.concatenate([flat.panel.faces for flat in panels]).tolist()) == list(range(len(cloth.mesh.triangles)))
 
 
+@pytest.mark.slow
 def test_openings_are_joined_one_by_one_where_front_and_back_cannot_be_told():
     garment = three_openings()
     cloth, panels = cut_to_fit(garment, nothing(garment), np.array([0.0, 0.0, 1.0]), BACK, 1.0, 1)
@@ -88,6 +90,7 @@ def test_openings_are_joined_one_by_one_where_front_and_back_cannot_be_told():
     assert len(cloth.seams)
 
 
+@pytest.mark.slow
 def test_panels_above_the_bound_are_halved_until_below_or_as_many_as_allowed():
     garment = tube(around=24, along=24, bulge=0.05)
     errors = {count: [flat.error for flat in cut(garment, max_distortion=0.02, max_panels=count)[1]] for count in (1, 2, 8)}
@@ -98,6 +101,7 @@ def test_panels_above_the_bound_are_halved_until_below_or_as_many_as_allowed():
     assert 2 < len(errors[8]) <= 8
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("garment", [tube(), tube(24, 24, bulge=0.05), three_openings()], ids=["tube", "bulge", "three"])
 def test_both_sides_of_a_seam_run_over_the_same_points_and_lengths(garment):
     pattern = make_pattern(garment, nothing(garment), "garment")
@@ -116,6 +120,7 @@ def test_both_sides_of_a_seam_run_over_the_same_points_and_lengths(garment):
         assert len(seam.notches(seam.sides[0])) == len(seam.notches(seam.sides[1])) == len(seam.notches_m)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", GARMENTS)
 def test_every_garment_of_the_mannequin_can_be_cut(name):
     body = open_body("capsule")
@@ -140,6 +145,7 @@ def test_a_panel_lies_to_the_left_of_a_seam_and_another_to_its_right():
         assert way * (along[0] * inwards[1] - along[1] * inwards[0]) > 0
 
 
+@pytest.mark.slow
 def test_the_same_garment_is_cut_the_same_way_twice():
     one, other = (cut(three_openings(), max_distortion=1.0)[0] for _ in range(2))
     assert np.array_equal(one.mesh.vertices_m, other.mesh.vertices_m)

@@ -11,6 +11,8 @@ from haptics.garments.bodies.motions import MOTIONS
 from haptics.garments.equilibrium.wearing import evaluate_motion, wear
 from haptics.garments.garment import cut_garment
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def sleeve():

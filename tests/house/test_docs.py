@@ -134,6 +134,7 @@ def test_the_site_needs_no_network_and_its_reference_is_complete():
     assert lines == [":param a: one.", ":param b: as c", ":param c: two.", "", "and more", r":return: \|x\|"]
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(importlib.util.find_spec("sphinx") is None, reason="extra `docs`")
 def test_the_pages_build_into_a_site_without_a_warning(tmp_path):
     """Without the reference made of docstrings, which takes a minute: ``make docs`` has it."""

@@ -122,6 +122,7 @@ def test_the_experiment_repeats_itself_and_beats_hold_on_a_motion_it_was_not_mad
     assert ours.median < 0.5 * hold.median
 
 
+@pytest.mark.slow
 def test_recorded_hands_are_met_when_they_touch(recordings):
     """A smaller sample than the published table (docs/explanation/onset.md); thresholds with its room for chance."""
     paths = [SitePath.of(track) for file in sorted(recordings.glob("*.leap.json.gz")) for track in load_hand(file).tracks]

@@ -12,6 +12,9 @@ from haptics.session.configuration import Configuration
 from haptics.session.prove import prove_plan
 from haptics.session.run import RunOptions
 
+pytestmark = pytest.mark.slow
+
+
 HANDS = ("grab", "wave", "waiting", "flapping")
 
 

@@ -77,6 +77,7 @@ def test_a_glove_is_opened_armed_and_driven_over_tcp():
         assert glove.state().armed == ("brake",) or glove.state().faults  # a machine too busy for the dead-man says so
 
 
+@pytest.mark.slow
 def test_a_board_behind_tcp_is_identified_monitored_and_made_safe(command):
     with TcpBoard() as board:
         code, out, _ = command("link", "identify", "--port", board.url, "--json")
@@ -88,6 +89,7 @@ def test_a_board_behind_tcp_is_identified_monitored_and_made_safe(command):
         assert (code, json.loads(out)["safe"]) == (0, True)
 
 
+@pytest.mark.slow
 def test_a_run_over_tcp_gets_through_to_its_report(command, tmp_path):
     """What is felt is up to how busy this machine is; that the link comes up, and telemetry and replies do, is not."""
     with TcpBoard("brake") as board:

@@ -35,12 +35,14 @@ def check(report: StressReport, frames: int) -> None:
     assert report.retried > 0.02 * frames  # the line was bad indeed: 1 % corrupt and 1 % lost each way
 
 
+@pytest.mark.slow
 @on_every_core
 def test_pulses_over_a_bad_line_are_played_once_and_in_time(core):
     frames = 300 if core == "avr" else 1500
     check(stress(f"sim://tactiles?core={core}", frames, BAD_LINE), frames)
 
 
+@pytest.mark.slow
 @on_every_core
 def test_drives_and_bursts_over_a_bad_line_are_played_once_and_in_time(core):
     check(stress(f"sim://brake?core={core}", 200, BAD_LINE), 200)
@@ -62,6 +64,7 @@ def test_many_drives_over_a_bad_line(core):
     check(stress(f"sim://brake?core={core}", frames, BAD_LINE), frames)
 
 
+@pytest.mark.slow
 @on_every_core
 def test_in_silence_outputs_are_off_within_the_dead_man_time(core):
     coils, brakes = (stress(f"sim://{board}?core={core}", 5) for board in ("tactiles", "brake"))
@@ -254,6 +257,7 @@ def test_the_command_prints_one_object_with_the_promised_keys():
     assert {"retried", "lost", "late", "duplicate_effects", "max_energised_after_silence_ms", "violations"} <= set(report)
 
 
+@pytest.mark.slow
 def test_the_command_prints_a_table_and_fails_where_a_promise_is_broken(monkeypatch):
     assert "duplicate_effects" in CliRunner().invoke(app, ["link", "stress", "--port", "sim://tactiles", "--frames", "5"]).stdout
     monkeypatch.setattr("firmware_models.boards.tactiles_board.insort", lambda queue, pulse: None)

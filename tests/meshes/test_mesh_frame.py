@@ -62,6 +62,7 @@ def test_quarters_turn_anticlockwise_seen_from_above():
     assert in_frame(np.array([[0.0, 0.0, 1.0]]), to="y", up="y", quarter_turns=1).tolist() == [[1.0, 0.0, 0.0]]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("unit", list(UNITS))
 @pytest.mark.parametrize("up", ["x", "y", "z"])
 def test_the_frame_in_which_points_were_drawn_is_found(unit, up):

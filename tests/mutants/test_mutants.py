@@ -10,6 +10,9 @@ import pytest
 from breaks import BREAKS
 from mutant import INVALID, KILLED, ROOT, SURVIVED, Break, copied_tree, run_tests, try_break
 
+pytestmark = pytest.mark.slow
+
+
 SAMPLE = (
     "a lid that opens while nothing is driven leaves it armed",
     "has no limit of its charge",

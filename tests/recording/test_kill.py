@@ -23,6 +23,7 @@ def all_recovered(folder: Path, kills: int) -> None:
     assert total > 0
 
 
+@pytest.mark.slow
 def test_every_acknowledged_row_survives_a_few_kills(tmp_path: Path):
     all_recovered(tmp_path, 3)
 

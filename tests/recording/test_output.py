@@ -117,6 +117,7 @@ for size in range(0, int(sys.argv[3]), int(sys.argv[4])):
 """
 
 
+@pytest.mark.slow
 def test_a_disk_that_is_full_at_any_byte_is_an_error_and_leaves_the_journal(tmp_path: Path):
     pytest.importorskip("resource", reason="limits are POSIX")
     journal = record_session(tmp_path / "j")

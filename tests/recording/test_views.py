@@ -90,6 +90,7 @@ def test_rerun_writes_no_more_than_the_file(recording: Recording, tmp_path: Path
     write_rrd(recording, tmp_path / "one.rrd", force=True)
 
 
+@pytest.mark.slow
 def test_a_picture_is_a_png_of_the_whole_session(recording: Recording, tmp_path: Path):
     pytest.importorskip("matplotlib", reason="extra `report`")
     from matplotlib.image import imread

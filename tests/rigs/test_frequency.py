@@ -18,6 +18,9 @@ from rigs.frequency.trains import Played, Train, felt, jitter, whole_up_to
 from rigs.instruments import Samples
 from rigs.result import RigResult
 
+pytestmark = pytest.mark.slow
+
+
 # Values that nothing here was tuned with; what is not named is drawn from the seed.
 ASKED = ("", "resistance_ohm=1.46", "tau_foam_s=0.0024&peak_g=8", "level=event", "level=table&supply_v=4.8")
 

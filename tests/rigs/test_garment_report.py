@@ -18,6 +18,9 @@ from rigs.garments.report import page_of, warnings_of, write_report
 from rigs.garments.table import CASES, TableOptions, make_rows
 from rigs.reference import curve
 
+pytestmark = pytest.mark.slow
+
+
 # coarse meshes and much reinforcement: a few seconds
 QUICK = TableOptions(level="coarse", motions=("elbow_flexion", "elbow_extension"), coverage=0.96)
 

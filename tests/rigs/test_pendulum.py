@@ -19,6 +19,9 @@ from rigs.landings import Trace
 from rigs.pendulum import rig as pendulum
 from rigs.pendulum.fit import fit_ring, fit_surface, low_pass
 
+pytestmark = pytest.mark.slow
+
+
 # Values that nothing here was tuned with; what is not named is drawn from the seed.
 ASKED = (
     ("bare", ""),

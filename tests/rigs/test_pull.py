@@ -23,6 +23,9 @@ from rigs.pull.parts import Rise, Sliding
 from rigs.result import RigResult
 from rigs.tester import FRAME
 
+pytestmark = pytest.mark.slow
+
+
 # Values that nothing here was tuned with.
 ASKED = (
     {},

@@ -555,6 +555,7 @@ def test_every_contradiction_with_numbers_has_its_arithmetic_here() -> None:
     assert {row.id for row in contradictions() if row.computed} == set(ARITHMETIC)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("row", [row for row in contradictions() if row.computed], ids=lambda row: row.id)
 def test_the_arithmetic_of_a_contradiction_comes_out_as_written(row: Any) -> None:
     # The files keep three digits or more of each result.

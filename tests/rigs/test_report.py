@@ -38,6 +38,7 @@ def page(tmp_path_factory):
     return path
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("width", [1280, 480])
 def test_axes_with_units_legends_and_residuals_are_readable(browser, page, width):
     seen = browser.measure(page, width)
@@ -49,6 +50,7 @@ def test_axes_with_units_legends_and_residuals_are_readable(browser, page, width
     assert not seen["wide"]
 
 
+@pytest.mark.slow
 def test_points_fit_and_published_error_bars_are_on_the_screen(browser, page):
     pixels = browser.screenshot(page, height=1600).reshape(-1, 3).astype(int)
     for colour, least in ((MEASURED_BLUE, 100), (FIT_ORANGE, 200), (PUBLISHED_GREEN, 100)):
@@ -69,6 +71,7 @@ def test_nothing_is_fetched_and_text_is_escaped(page):
     assert "tau &amp; &lt;c&gt;" in text
 
 
+@pytest.mark.slow
 def test_the_same_plot_gives_the_same_bytes_and_two_on_a_page_share_no_identifier():
     assert svg_text(PLOT) == svg_text(PLOT)
     assert png_bytes(PLOT) == png_bytes(PLOT)

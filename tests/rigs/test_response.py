@@ -16,6 +16,9 @@ from rigs.bench import BenchOptions
 from rigs.response import rig as response
 from rigs.response.fit import crossing
 
+pytestmark = pytest.mark.slow
+
+
 # Values that nothing here was tuned with.
 ASKED = (
     {},

@@ -26,6 +26,9 @@ from rigs.result import RigResult
 from rigs.supply.curves import Losses, Trace, decay, half_periods, ramp, ramp_capacitance, rises
 from rigs.supply.overlap import fit_overlap
 
+pytestmark = pytest.mark.slow
+
+
 # Values that nothing here was tuned with.
 ASKED = (
     "sim://brake",

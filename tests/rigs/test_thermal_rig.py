@@ -23,6 +23,9 @@ from rigs.result import RigResult
 from rigs.thermal import rig
 from rigs.thermal.fit import PulseRecord, fit_heat
 
+pytestmark = pytest.mark.slow
+
+
 # Values that nothing here was tuned with.
 ASKED = (
     "sim://tactiles",

@@ -29,6 +29,9 @@ from rigs.tolerance.pin import pin
 from rigs.tolerance.study import ToleranceReport, process_pool, tolerance_study
 from rigs.tolerance.summary import FeltRow, spread_of
 
+pytestmark = pytest.mark.slow
+
+
 PERFECT = BenchUncertainty(
     tau_s=0.0, c_k_per_w=0.0, power_share=0.0, force_constant_share=0.0, threshold_v=0.0, capacitance_share=0.0, travel_s=0.0
 )

@@ -215,6 +215,7 @@ def run_load(
     return outcomes, pulses
 
 
+@pytest.mark.slow
 @settings(max_examples=25, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.integers(1, 8), st.integers(0, 5))
 def test_a_release_keeps_its_bound_under_any_load(seed: int, coils_at_once: int, horizon_ms: int):

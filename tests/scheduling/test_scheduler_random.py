@@ -8,6 +8,7 @@ from collections import Counter
 from dataclasses import dataclass, field
 from itertools import pairwise
 
+import pytest
 from hypothesis import event, example, given, settings, strategies as st
 
 from haptics.physics.thermal.one_node import ThermalParameters
@@ -185,6 +186,7 @@ def test_starts_lie_in_the_span_of_their_step(drawn: tuple[int, float, float], s
         assert all(first_ns <= p.start_ns <= last_ns for p in units)
 
 
+@pytest.mark.slow
 @settings(max_examples=150, deadline=None)
 @given(settings_drawn, operations)
 def test_never_more_coils_on_than_allowed_and_never_two_strokes_on_one(drawn: tuple[int, float, float], script: list[tuple]):

@@ -11,6 +11,7 @@ from haptics.session.run import RunOptions, run_scene
 from haptics.session.session import Session
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("error", [KeyboardInterrupt(), LinkLost("sim://tactiles", "the port went away")])
 def test_a_run_that_is_broken_off_goes_off_and_leaves_what_it_had_marked_incomplete(tmp_path, monkeypatch, error):
     ticks, gloves = [], []

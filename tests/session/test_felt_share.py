@@ -57,12 +57,14 @@ def good():
     return run(0)
 
 
+@pytest.mark.slow
 def test_a_good_line_has_no_fault_and_no_note(good):
     assert (good["faults"], good["failed_share"]["tactiles"], good["shift_ms"]["tactiles"]) == ([], 0.0, 0.0)
     assert good["largest_failed_share"] == LARGEST_FAILED_SHARE
     assert not any("clock" in note for note in good["notes"])
 
 
+@pytest.mark.slow
 def test_a_coarse_line_is_played_over_later_and_says_by_how_much(good):
     report = run(6)
     assert report["faults"] == []
@@ -72,6 +74,7 @@ def test_a_coarse_line_is_played_over_later_and_says_by_how_much(good):
     assert any(f"known within {shift_ms:g} ms only" in note and "latency timer" in note for note in report["notes"])
 
 
+@pytest.mark.slow
 def test_a_line_too_coarse_to_schedule_over_fails_the_run_and_names_the_cure():
     report = run(45)
     assert report["pulses"]["played"] == 0

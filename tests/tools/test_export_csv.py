@@ -19,6 +19,7 @@ def recording(tmp_path_factory) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_a_recording_becomes_tables_with_units(recording, script, tmp_path):
     code, _, err = script("export_csv", recording, tmp_path / "csv")
     assert code == 0, err

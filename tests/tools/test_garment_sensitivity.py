@@ -10,6 +10,9 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.slow
+
+
 TOOL = Path(__file__).resolve().parents[2] / "tools" / "garment_sensitivity.py"
 
 

@@ -480,6 +480,7 @@ def test_a_pull_beyond_capacity_slips(host) -> None:
     assert truth["held_n"][0] == 5.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("level", LEVELS)
 def test_a_board_of_any_level_arms_drives_and_holds_a_hand(host, level) -> None:
     """Guards and self test see the same volts; a hand 7 mm beyond the slack loads 800 N/m in series up to 8.8 N at 1000 V."""

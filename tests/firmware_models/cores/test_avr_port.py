@@ -473,6 +473,7 @@ def test_the_stack_keeps_well_clear_of_the_variables() -> None:
 # Sizes.
 
 
+@pytest.mark.slow
 def test_an_image_that_is_too_big_is_not_made(tmp_path) -> None:
     command = ["make", "-C", str(FIRMWARE), "tactiles", f"OUT={tmp_path}"]
     for limit in ("RAM_LIMIT=1000", "FLASH_LIMIT=5000"):

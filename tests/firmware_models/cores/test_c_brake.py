@@ -30,6 +30,7 @@ WAVES = [(5, 1500), (73, 700), (200, 1500), (333, 300), (1237, 400), (9999, 20),
 """0.1 Hz and V: half periods that are whole numbers of ticks, and such that leave a remainder of many sizes."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("dhz", "volts"), WAVES)
 def test_reversals_are_exact_and_the_wave_is_symmetrical(bench, dhz, volts) -> None:
     """150 reversals or more: a remainder lost in each, of 0.03 ticks at least, would be beyond the 2 ticks allowed. Of the

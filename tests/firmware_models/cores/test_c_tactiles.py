@@ -96,6 +96,7 @@ class Schedule:
         return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("seed", "max_on", "longest", "ahead_ms"),
     [
@@ -395,6 +396,7 @@ def test_current_that_no_coil_draws_is_more_than_two_hundred_milliamperes(bench,
     assert (h.faults == 1 << Fault.COIL_ON_TIME) is trips
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("period", [1999, 2000, 2001, 1000, 4000, 500])
 def test_a_coil_that_has_just_gone_off_is_no_fault_however_often_a_look_falls_there(bench, period) -> None:
     """The sense sees each coil 30 us longer than the outputs show it, and pulses end in step with the looks at it."""

@@ -211,6 +211,7 @@ def test_simulate_serves_and_traces_it() -> None:
     assert states == ["DISARMED", "ARMED", "FAULT"]  # its dead-man was not fed
 
 
+@pytest.mark.slow
 def test_what_goes_wrong_in_the_plant_comes_out_where_the_board_was_called(host, monkeypatch) -> None:
     h = armed(host)
 

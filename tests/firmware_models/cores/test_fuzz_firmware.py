@@ -126,6 +126,7 @@ def sound(tmp_path_factory) -> Path:
     return folder
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("board", "fault"), [(board, fault) for board in BOARDS for fault in BROKEN[board]])
 def test_a_broken_core_is_found_out(board, fault, sound, tmp_path) -> None:
     name, right, wrong = BROKEN[board][fault]

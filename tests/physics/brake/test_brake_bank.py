@@ -52,6 +52,7 @@ def test_every_clutch_of_a_bank_is_a_plant_of_its_own(level, friction, step_s) -
     assert bank.slip_m.max() > 1e-3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [1, 64, 1000, 15_000])
 @pytest.mark.parametrize("level", ["lagged", "dynamic"])
 def test_a_bank_of_any_size_holds_the_laws_force(count, level) -> None:

@@ -68,6 +68,7 @@ def test_pins_at_the_same_edges_give_the_same_volts_charge_and_energy(sequence):
     assert [b.output_energy_j(k) for k in range(3)] == pytest.approx([a.output_energy_j(k) for k in range(3)], rel=ROUNDING)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("pulled", [False, True])
 @pytest.mark.parametrize("level", LEVELS)
 def test_pins_at_the_same_edges_give_the_same_forces_at_every_level(level, pulled):

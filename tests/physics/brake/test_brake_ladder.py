@@ -51,6 +51,7 @@ def rms(seen: np.ndarray, reference: np.ndarray) -> np.ndarray:
     return np.sqrt(((seen - reference) ** 2).mean(axis=0))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("level", "step_s", "max_n"),
     [("static", 1e-3, 2.5), ("lagged", 1e-3, 0.24), ("lagged", 0.5e-3, 0.15), ("dynamic", 1e-3, 0.23), ("dynamic", 50e-6, 0.02)],
@@ -106,6 +107,7 @@ def square_wave_by_radau(volts: float, hz: float, until_s: float) -> np.ndarray:
     return y
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("hz", "until_s"), [(20.0, 0.009), (20.0, 0.0131), (20.0, 0.047), (50.0, 0.0337)])
 def test_the_reference_is_what_radau_makes_of_the_whole_circuit(hz, until_s) -> None:
     plant = brake_plant("reference")
@@ -218,6 +220,7 @@ def test_engaged_brakes_hold_what_was_measured(level, volts, published_n) -> Non
     assert peak_n == pytest.approx(published_n, rel=0.13)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("level", LEVELS)
 def test_response_and_release_are_as_fast_as_published(level) -> None:
     """Thesis 4.7.3: response below 100 ms, and more than 200 N/s; the plateau's ripple stays within the 10 % of its tests."""
@@ -239,6 +242,7 @@ def test_the_pull_of_every_level_but_the_static_is_that_of_the_reference() -> No
         assert shown.release_ms == pytest.approx(exact.release_ms, abs=0.1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("level", LEVELS)
 def test_a_prediction_has_a_pull_where_there_is_one_to_be_had(level) -> None:
     shown = predicted_pull(predict_brake(800.0, "thumb", overlap_m2=6e-4, frequency_hz=0.5), level)
@@ -271,6 +275,7 @@ def test_past_breakdown_is_refused_and_not_answered(level) -> None:
         plant.drive(0.1, 1, 1201.0, 10.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("level", LEVELS)
 @pytest.mark.parametrize("thickness_m", [1e-6, 13e-6, 1e-3])
 @pytest.mark.parametrize("overlap_m2", [0.0, 1e-9, 11e-4, 0.5])
@@ -294,6 +299,7 @@ def test_extremes_are_finite_and_bounded(level, thickness_m, overlap_m2, volts) 
     assert math.isfinite(plant.capacity_n[0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("level", LEVELS)
 @pytest.mark.parametrize("hertz", [5e-324, 1e-9, 999.0])
 @pytest.mark.parametrize(

@@ -52,6 +52,7 @@ def test_a_full_pulse_costs_about_180_millijoule(level, direction):
     assert switch(10e-3, 5.0, direction, level=level).energy_j == pytest.approx(0.180, rel=0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("level", LEVELS)
 @pytest.mark.parametrize("direction", DIRECTIONS)
 def test_the_least_pulse_divides_those_that_switch_from_those_that_fall_back(level, direction):

@@ -65,6 +65,7 @@ def rest_position(p, latched):
     return brentq(pull, *((-1e-3, 1e-6) if latched == "off" else (p.stroke_m - 1e-6, p.stroke_m + 1e-3)), xtol=1e-18)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
 def test_a_second_integrator_agrees_to_a_millionth(case):
     latched, strokes, p, rise_k = CASES[case]

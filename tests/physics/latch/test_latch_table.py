@@ -28,6 +28,7 @@ def play(make, strokes, latched="off", rise_k=0.0, p=LATCH, **options):
     return events + plant.take_events(), plant
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ohms", [1.28, 1.48])
 @pytest.mark.parametrize("rise_k", [0.0, 50.0])
 @pytest.mark.parametrize("volts", [4.8, 5.0, 6.5, 9.0])  # the last is past the table, and stepped

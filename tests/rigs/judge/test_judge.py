@@ -23,6 +23,7 @@ from rigs.judge.ngspice import simulate
 CASES = {case.name: case for case in all_cases()}
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("simulator")
 @pytest.mark.parametrize("name", CASES)
 def test_model_and_simulator_agree(name):

@@ -43,6 +43,7 @@ def size(saved, name):
     return float(np.sqrt(np.trapezoid(saved[name] ** 2, saved["time"]) / saved["time"][-1]))
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("simulator")
 @pytest.mark.parametrize(
     ("changed", "name", "measure"),

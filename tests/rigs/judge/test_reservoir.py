@@ -46,6 +46,7 @@ def stepped(bus: Bus, bus_v: float, load_v: float, dt_s: float, shorted: bool = 
     return y[0], y[1], y[2] * 1e-6, y[3] * 1e-3
 
 
+@pytest.mark.slow
 @settings(max_examples=25, deadline=None)
 @given(
     bus_share=st.floats(0.0, 1.0),

@@ -76,6 +76,7 @@ def test_a_box_mesh_has_the_distance_and_the_normals_of_the_box():
     assert mesh.volume_m3 == pytest.approx(float(np.prod(SIZE_M)), rel=1e-12)
 
 
+@pytest.mark.slow
 def test_distance_is_that_of_brute_force_over_sampled_triangles():
     mesh = ball(6)
     corners = mesh.vertices_m[mesh.faces]

@@ -252,6 +252,7 @@ def test_a_broken_file_is_refused_with_its_place(load, content, message):
         load(content)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "content",
     [

@@ -40,6 +40,7 @@ def test_the_fewest_are_left_out(time_ns, indices):
     assert kept(*time_ns) == indices
 
 
+@pytest.mark.slow
 @given(st.lists(st.integers(0, 12), max_size=9))
 def test_no_choice_keeps_more_and_none_as_many_begins_earlier(stamps):
     found = kept(*stamps)
