@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 FUZZ_S ?= 60
 
-.PHONY: demo test check docs docs-links bench soak mutants clean help protocol firmware firmware-flash fuzz firmware-fuzzers
+.PHONY: demo test slow check docs docs-links bench soak mutants clean help protocol firmware firmware-flash fuzz firmware-fuzzers
 
 help:  ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/'
@@ -23,8 +23,11 @@ demo: $(STAMP)  ## install, then play a shipped hand that grasps a ball on simul
 	$(BIN)/haptics run examples/ball.toml --hand synthetic --out demo.h5 --picture demo.png --force
 	@echo "== demo.png shows what was felt, demo.h5 holds all of it; for the commands of the README: . $(BIN)/activate"
 
-test: $(STAMP)  ## the tests (no torch needed)
+test: $(STAMP)  ## the tests (no torch needed); those of seconds are in make slow
 	$(BIN)/python -m pytest -n auto --dist worksteal
+
+slow: $(STAMP)  ## what make test leaves out: whole devices, garments and programs, firmware on the simulated chip
+	$(BIN)/python -m pytest -m slow -n auto --dist loadfile
 
 check: $(STAMP)  ## format, lint, types, architecture
 	$(BIN)/ruff format --check .

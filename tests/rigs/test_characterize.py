@@ -19,7 +19,7 @@ from rigs.bench import BenchOptions
 from rigs.characterize import characterize
 from rigs.commands import characterize as characterize_command
 
-pytestmark = [pytest.mark.xdist_group("characterize"), pytest.mark.slow]
+pytestmark = pytest.mark.slow
 
 
 def haptics(*words: object) -> subprocess.CompletedProcess:

@@ -26,7 +26,7 @@ from rigs.validation.validate import Validation
 KEYS = {"quantity", "section", "published", "tolerance", "ours", "uncertainty", "unit", "role", "verdict", "why"}
 VERDICTS = {"agrees", "differs", "not identifiable", "contradiction in the source"}
 
-pytestmark = [pytest.mark.xdist_group("validation"), pytest.mark.slow]
+pytestmark = pytest.mark.slow
 
 
 def in_this_process(jobs, executor, progress):

@@ -15,7 +15,7 @@ from haptics.errors import InputError
 from haptics.session.configuration import Configuration, load_configuration
 from rigs.bench import BenchOptions
 
-pytestmark = [pytest.mark.xdist_group("array"), pytest.mark.slow]
+pytestmark = pytest.mark.slow
 TOOLS = Path(__file__).resolve().parents[2] / "tools"
 BASE = """# my glove
 side = "right"
