@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from broken_boards import BREAKAGES
-from cores import CORE_NAMES, core_param
+from cores import CORE_NAMES, marks_of
 from tcp_board import TcpBoard
 
 from haptics.errors import LinkError
@@ -34,11 +34,17 @@ def named(id_: str, board: Board) -> Rule:
 
 
 @pytest.mark.parametrize(
-    ("core", "board", "rule"),
-    [core_param(core, board, rule) for board in Board for core in CORE_NAMES for rule in RULES if board in rule.boards],
+    ("board", "core", "rule"),
+    [
+        pytest.param(board, core, rule, marks=marks_of(core))
+        for board in Board
+        for core in CORE_NAMES
+        for rule in RULES
+        if board in rule.boards
+    ],
     ids=lambda one: one.id if isinstance(one, Rule) else one.name.lower() if isinstance(one, Board) else one,
 )
-def test_every_backend_keeps_every_rule(core: str, board: Board, rule: Rule) -> None:
+def test_every_backend_keeps_every_rule(board: Board, core: str, rule: Rule) -> None:
     result = try_rule(url_of(board, core), rule)
     assert result.result == OK, result.seen
 

@@ -11,7 +11,8 @@ _NEEDED = {"py": (), "c": ("cc", "make"), "avr": ("cc", "make", "avr-gcc")}
 CORE_NAMES = tuple(_NEEDED)
 
 
-def _marks(core: str) -> list[pytest.MarkDecorator]:
+def marks_of(core: str) -> list[pytest.MarkDecorator]:
+    """What a test of a core is marked with."""
     missing = [tool for tool in _NEEDED[core] if shutil.which(tool) is None]
     if core == "avr" and ctypes.util.find_library("simavr") is None:
         missing.append("libsimavr")
@@ -21,13 +22,8 @@ def _marks(core: str) -> list[pytest.MarkDecorator]:
 
 def on_cores(*cores: str) -> pytest.MarkDecorator:
     """Run a test with each of these as its argument ``core``."""
-    return pytest.mark.parametrize("core", [core_param(core) for core in cores])
+    return pytest.mark.parametrize("core", [pytest.param(core, marks=marks_of(core)) for core in cores])
 
 
-def core_param(core: str, *more: object) -> object:
-    """A parameter set that begins with a core, under the core's marks."""
-    return pytest.param(core, *more, marks=_marks(core))
-
-
-CORES = [core_param(core) for core in CORE_NAMES]
+CORES = [pytest.param(core, marks=marks_of(core)) for core in CORE_NAMES]
 on_every_core = on_cores(*CORE_NAMES)
