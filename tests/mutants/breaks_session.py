@@ -208,8 +208,8 @@ SESSION = [
         (
             "a file may name any kind of port",
             "a file that was sent along overwrites another",
-            "AfterValidator(check_port)",
-            "AfterValidator(str)",
+            'return check_board_port(port, "tactiles")',
+            "return port",
         ),
     ),
     *in_file(
