@@ -12,7 +12,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from haptics.rendering.body_decider import BodyDecider
 from haptics.rendering.decision import Distance, TouchDecider
+from haptics.rendering.pose_kernel import FAR, PRESENT
+from haptics.scene.geometry.packed import packable
 from haptics.scene.grasp import GraspTracker, between
 from haptics.time import NS_PER_MS
 
@@ -32,7 +35,13 @@ class GraspAhead:
 
     def __init__(self, tracker: GraspTracker, names: Sequence[str], lead_ns: int, stale_ns: int):
         self._tracker, self._names = tracker, tuple(names)
-        self._decider = TouchDecider([self._signal(name) for name in self._names], [0.0], lead_ns, stale_ns=stale_ns)
+        bodies = [tracker.body(name) for name in self._names]
+        self._decider: TouchDecider
+        if all(packable(body.shape) for body in bodies):
+            within_m = tracker.rule.tip_radius_m + tracker.rule.band_m
+            self._decider = BodyDecider(bodies, [within_m], lead_ns, stale_ns=stale_ns, points=2)
+        else:
+            self._decider = TouchDecider([self._signal(name) for name in self._names], [0.0], lead_ns, stale_ns=stale_ns)
         self._tips = np.zeros((2, 3))
         self._closed_for: str | None = None
         self._give_up_ns = 0
@@ -46,6 +55,11 @@ class GraspAhead:
         :param now_ns: when it arrived.
         """
         self._tips = np.stack([thumb_m, index_m])
+        if isinstance(self._decider, BodyDecider):
+            tracker = self._tracker
+            for index, name in enumerate(self._names):
+                free = tracker.held is None and tracker.armed(name)
+                self._decider.put(index, tracker.body(name), PRESENT if free else FAR)
         self._decider.observe(time_ns, self._tips.reshape(1, 6), now_ns)
 
     def due(self, now_ns: int) -> str | None:

@@ -13,7 +13,10 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from haptics.rendering.decision import Decided, TouchDecider
+from haptics.rendering.body_decider import BodyDecider
+from haptics.rendering.decision import Decided, Distance, TouchDecider
+from haptics.rendering.pose_kernel import ABSENT, PRESENT
+from haptics.scene.geometry.packed import packable
 from haptics.scene.geometry.shapes import Placed
 
 Bodies = Callable[[str], Placed]
@@ -46,11 +49,15 @@ class TouchAhead:
         self._body = body
         self._names = tuple(name for name in names if name not in flying)
 
-        def decider(distances: list) -> TouchDecider:
-            return TouchDecider(distances, radius_m, lead_ns, release_lead_ns, stale_ns=stale_ns)
+        def decider(bodies: list[Placed], distances: list[Distance] | None = None) -> TouchDecider:
+            if all(packable(body.shape) for body in bodies):
+                return BodyDecider(bodies, radius_m, lead_ns, release_lead_ns, stale_ns=stale_ns)
+            return TouchDecider(
+                distances or [body.distance for body in bodies], radius_m, lead_ns, release_lead_ns, stale_ns=stale_ns
+            )
 
-        self._world = decider([self._in_world(name) for name in self._names])
-        self._flying = {name: decider([body(name).shape.distance]) for name in flying}
+        self._world = decider([body(name) for name in self._names], [self._in_world(name) for name in self._names])
+        self._flying = {name: decider([Placed(body(name).shape)]) for name in flying}
         self._carried: tuple[str, TouchDecider] | None = None
         self._decider = decider
         self._poses: deque[tuple[int, NDArray[np.float64], int]] = deque(maxlen=POSES_KEPT)
@@ -65,6 +72,10 @@ class TouchAhead:
         """
         self._carry(held if held in self._names else None)
         self._poses.append((time_ns, position_m, now_ns))
+        if isinstance(self._world, BodyDecider):
+            carried = None if self._carried is None else self._carried[0]
+            for index, name in enumerate(self._names):
+                self._world.put(index, self._body(name), ABSENT if name == carried else PRESENT)
         self._world.observe(time_ns, position_m, now_ns)
         for name, decider in self._own():
             decider.observe(time_ns, self._body(name).pose.to_local(position_m), now_ns)
@@ -107,7 +118,7 @@ class TouchAhead:
             self._carried = None
         if held is not None and self._carried is None:
             body = self._body(held)
-            decider = self._decider([body.shape.distance])
+            decider = self._decider([Placed(body.shape)])
             for time_ns, position_m, now_ns in self._poses:
                 decider.observe(time_ns, body.pose.to_local(position_m), now_ns)
             decider.adopt(0, self._world, self._names.index(held))

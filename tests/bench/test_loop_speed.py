@@ -10,7 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from ledger import Ledger, cpu_s, interpreted
+from posed import loop_of, play
 
+from haptics.scene import load_scene
+from haptics.scene.hand_files.load import load_hand
 from haptics.scene.hands.frame import HandFrame
 from haptics.session.configuration import Configuration
 from haptics.session.run import RunOptions, run_scene
@@ -112,6 +115,19 @@ def test_the_loop_of_a_grab_through_the_playground(bench: Ledger, hand: str, tmp
     name = Path(hand).name.split(".")[0]
     bench.note(f"{name} through playground, real time over CPU time of the loop", f"{len(costs_s) * 1e-3 / costs_s.sum():.1f}")
     bench.ratio("loop.playground", f"{name} through playground: a tick, in calls of plain Python", calls, at_most=2000)
+
+
+def test_a_pose_on_the_desk_beside_the_plain_path(bench: Ledger, hand: str) -> None:
+    """Median and 99 % of CPU time from a pose to its decisions, each the median ratio of several pairs of runs."""
+    recording = load_hand(hand)
+    scene = load_scene("desk").placed_for(recording)
+    play(loop_of(scene, plain=False), recording)  # compiles
+    pairs = [[play(loop_of(scene, plain), recording)[1] for plain in (True, False)] for _ in range(9)]
+    for key, what, share, at_least in (("median", "median", 0.5, 5), ("p99", "99 %", 0.99, 4)):
+        plain_s, ours_s = np.array([[np.quantile(costs_s, share) for costs_s in pair] for pair in pairs]).T
+        bench.note(f"a pose on desk: {what}", f"{np.median(ours_s) * 1e3:.3f} ms")
+        ratio = float(np.median(plain_s / ours_s))
+        bench.ratio(f"loop.pose.{key}", f"a pose on desk, plain path over compiled: {what}", ratio, at_least=at_least)
 
 
 def test_a_tick_with_fifteen_actuators_two_brakes_and_ten_objects(bench: Ledger, hand: str, tmp_path: Path) -> None:

@@ -83,7 +83,7 @@ class TriangleMesh:
         self.name, self.notes = name, notes
         self.vertices_m, self.faces = vertices, triangles
         self.volume_m3 = abs(volume_m3)
-        self._corners = vertices[triangles]  # (f, 3, 3)
+        self.corners_m = vertices[triangles]  # (f, 3, 3)
         self._bounding_radius_m = float(np.linalg.norm(vertices, axis=1).max())
 
     @property
@@ -95,10 +95,14 @@ class TriangleMesh:
         """Signed distance of each point.
 
         :param points_m: (n, 3), metres.
-        :return: (n,), metres; negative inside.
+        :return: (n,), metres; negative inside; NaN for a point that is not finite.
         """
-        nearest, _ = self._nearest(points_m)
-        return np.where(self.inside(points_m), -1.0, 1.0) * np.linalg.norm(points_m - nearest, axis=1)
+        seen = np.isfinite(points_m).all(axis=1)
+        distance_m = np.full(len(points_m), np.nan)
+        nearest, _ = self._nearest(points_m[seen])
+        sign = np.where(self.inside(points_m[seen]), -1.0, 1.0)
+        distance_m[seen] = sign * np.linalg.norm(points_m[seen] - nearest, axis=1)
+        return distance_m
 
     def gradient(self, points_m: Array) -> Array:
         """Outward unit direction at each point; on the surface itself, the normal of the nearest triangle.
@@ -127,18 +131,18 @@ class TriangleMesh:
         rows = max(1, _PAIRS_AT_ONCE // len(self.faces))
         for start in range(0, len(candidates), rows):
             some = candidates[start : start + rows]
-            inside[some] = winding_number(points_m[some], self._corners) > 0.5
+            inside[some] = winding_number(points_m[some], self.corners_m) > 0.5
         return inside
 
     @cached_property
     def _normals(self) -> Array:
-        normals = np.cross(self._corners[:, 1] - self._corners[:, 0], self._corners[:, 2] - self._corners[:, 0])
+        normals = np.cross(self.corners_m[:, 1] - self.corners_m[:, 0], self.corners_m[:, 2] - self.corners_m[:, 0])
         return normals / np.linalg.norm(normals, axis=1, keepdims=True)
 
     @cached_property
     def _face_spheres(self) -> tuple[Array, Array]:
-        centre = self._corners.mean(axis=1)
-        return centre, np.linalg.norm(self._corners - centre[:, None, :], axis=2).max(axis=1)
+        centre = self.corners_m.mean(axis=1)
+        return centre, np.linalg.norm(self.corners_m - centre[:, None, :], axis=2).max(axis=1)
 
     def _nearest(self, points_m: Array) -> tuple[Array, NDArray[np.intp]]:
         nearest = np.empty((len(points_m), 3))
@@ -150,7 +154,7 @@ class TriangleMesh:
             to_centre = np.linalg.norm(points[:, None, :] - centre, axis=2)
             possible = to_centre - radius <= (to_centre + radius).min(axis=1, keepdims=True)
             row, triangle = np.nonzero(possible)
-            on_triangle = _nearest_on_triangles(points[row], self._corners[triangle])
+            on_triangle = _nearest_on_triangles(points[row], self.corners_m[triangle])
             by_row_then_distance = np.lexsort((((on_triangle - points[row]) ** 2).sum(axis=1), row))
             best = by_row_then_distance[np.searchsorted(row, np.arange(len(points)))]
             nearest[start : start + rows], face[start : start + rows] = on_triangle[best], triangle[best]
