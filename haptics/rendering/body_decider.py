@@ -68,7 +68,7 @@ class BodyDecider(TouchDecider):
 
     def forget(self) -> None:
         super().forget()
-        self._past.count[:] = 0
+        self._past.rings[:] = 0
 
     def observe(self, time_ns: int, position_m: ArrayLike, now_ns: int) -> None:
         position = np.ascontiguousarray(position_m, dtype=float)

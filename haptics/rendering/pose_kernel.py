@@ -33,7 +33,7 @@ _FRAME, _FRAMES, _VELOCITY, _VELOCITIES = range(4)
 class History(NamedTuple):
     """What a forecast looks back on, as rings of K places.
 
-    :param count: place of the oldest and number of frames, then of velocities, (4,).
+    :param rings: place of the oldest and number of frames, then of velocities, (4,).
     :param frame_ns: when each frame was sampled, (K,), ns.
     :param frame_m: its places, (K, n, d), metres.
     :param middle_ns: middle of the time that a velocity was taken over, (K,), ns.
@@ -42,7 +42,7 @@ class History(NamedTuple):
     :param squared_change: of the velocity before it, over time, (K, n), (m/s²)²; -1 where there is none.
     """
 
-    count: Integers
+    rings: Integers
     frame_ns: Integers
     frame_m: Floats
     middle_ns: Integers
@@ -160,7 +160,7 @@ class Constants(NamedTuple):
 @njit(cache=True, error_model="numpy")
 def _forecast(time_ns: int, position_m: Floats, k: Constants, past: History, out: Forecast) -> tuple[bool, float, float]:
     """Take a frame. Returns whether it is later than the last, and the forecast's span (s) and damping (1/s)."""
-    count, room = past.count, past.frame_ns.shape[0]
+    count, room = past.rings, past.frame_ns.shape[0]
     points, coordinates = position_m.shape
     if count[_FRAMES] > 0:
         elapsed_ns = time_ns - past.frame_ns[(count[_FRAME] + count[_FRAMES] - 1) % room]
@@ -262,8 +262,8 @@ def _forecast(time_ns: int, position_m: Floats, k: Constants, past: History, out
 def _velocity_before(middle_ns: int, past: History) -> int:
     """Place in the ring of the latest velocity whose middle is not after a time; -1 if none is."""
     room = past.middle_ns.shape[0]
-    for back in range(past.count[_VELOCITIES] - 1, -1, -1):
-        at = (past.count[_VELOCITY] + back) % room
+    for back in range(past.rings[_VELOCITIES] - 1, -1, -1):
+        at = (past.rings[_VELOCITY] + back) % room
         if past.middle_ns[at] <= middle_ns:
             return at
     return -1
