@@ -12,6 +12,7 @@ from importlib.metadata import entry_points
 from typing import Any
 
 from typer.core import TyperGroup
+from typer.main import get_command
 
 from haptics.cli import configuration, fidelity, garment, predict, recording, run
 from haptics.cli.link import app as link
@@ -63,7 +64,12 @@ def add_installed_commands() -> None:
         (_groups[group] if group else app).command(name)(point.load())
 
 
+@cache  # reading every command's signature takes longer than many a command
+def _commands() -> Any:
+    add_installed_commands()
+    return get_command(app)
+
+
 def command_line() -> None:
     """Run what the arguments of this process say."""
-    add_installed_commands()
-    app()
+    _commands()()

@@ -12,6 +12,7 @@ from haptics.garments.design.drawn import SHAPES, best_drawn
 from haptics.garments.design.job import DesignJob, open_designs, put_on, slow_notice
 from haptics.garments.design.masks import MASKS, read_mask, with_coverage
 from haptics.garments.design.rating import Densities, Unconverged, coverage_of, solved
+from haptics.garments.equilibrium.simulation import Equilibrium
 from haptics.garments.equilibrium.wearing import MotionEvaluation, WornMotion, evaluate_motion
 from haptics.garments.mesh import Bools
 from haptics.units import in_range
@@ -154,16 +155,16 @@ def evaluate_design(
         if warn is not None:
             warn(slow)
     try:
-        rated = _rated(worn, name, design, steps)
-        other = None if against is None else _opponent(worn, against, rated.coverage, steps, units, up, notes)
+        full = solved(worn.simulation, worn.simulation.designable)
+        rated = _rated(worn, full, name, design, steps)
+        other = None if against is None else _opponent(worn, full, against, rated.coverage, steps, units, up, notes)
     except Unconverged as error:
         raise LimitError(f"{path}: {error}") from error
     return Evaluation(settings, worn, rated, other, tuple(notes))
 
 
-def _rated(worn: WornMotion, name: str, design: Bools, steps: int, place: str = "") -> Rated:
+def _rated(worn: WornMotion, full: Equilibrium, name: str, design: Bools, steps: int, place: str = "") -> Rated:
     cloth = worn.simulation
-    full = solved(cloth, cloth.designable)
     whole = Densities.of(cloth.designable, cloth.areas_m2, full.element_energy_j)
     state = solved(cloth, design, full.positions_m)
     ratio = Densities.of(design, cloth.areas_m2, state.element_energy_j).over(whole)
@@ -172,13 +173,20 @@ def _rated(worn: WornMotion, name: str, design: Bools, steps: int, place: str = 
 
 
 def _opponent(
-    worn: WornMotion, against: str, coverage: float, steps: int, units: str | None, up: str | None, notes: list[str]
+    worn: WornMotion,
+    full: Equilibrium,
+    against: str,
+    coverage: float,
+    steps: int,
+    units: str | None,
+    up: str | None,
+    notes: list[str],
 ) -> Rated:
     if against in SHAPES:
-        best = best_drawn(worn.simulation, against, coverage)
-        return _rated(worn, against, best.design, steps, best.place)
+        best = best_drawn(worn.simulation, against, coverage, full)
+        return _rated(worn, full, against, best.design, steps, best.place)
     path = Path(against)
-    return _rated(worn, path.name, _mask(worn, path, coverage, units, up, notes), steps)
+    return _rated(worn, full, path.name, _mask(worn, path, coverage, units, up, notes), steps)
 
 
 def _is_mask(path: Path, expected: str) -> None:

@@ -66,13 +66,15 @@ class SurfaceMesh:
     @cached_property
     def edges(self) -> Ints:
         """Each edge once, lower vertex first, sorted, ``(edges, 2)``."""
-        return np.unique(np.sort(_half_edges(self.triangles), axis=1), axis=0)
+        half = _half_edges(self.triangles)
+        keys, corners = np.unique(_keys(np.sort(half, axis=1))), _corners(half)
+        return np.stack([keys // corners, keys % corners], axis=1)
 
     @cached_property
     def boundary_edges(self) -> Ints:
         """Edges of one triangle only, in that triangle's direction, ``(edges, 2)``."""
         half = _half_edges(self.triangles)
-        _, inverse, count = np.unique(np.sort(half, axis=1), axis=0, return_inverse=True, return_counts=True)
+        _, inverse, count = np.unique(_keys(np.sort(half, axis=1)), return_inverse=True, return_counts=True)
         return half[count[inverse.ravel()] == 1]
 
     @cached_property
@@ -126,6 +128,16 @@ def _half_edges(triangles: Ints) -> Ints:
     return np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
 
 
+def _corners(half: Ints) -> int:
+    """One more than the highest vertex number."""
+    return int(half.max(initial=0)) + 1
+
+
+def _keys(half: Ints) -> Ints:
+    """One number for each edge, in the order of the pairs: numbers are sorted many times faster than rows."""
+    return half[:, 0] * np.int64(_corners(half)) + half[:, 1]
+
+
 def _place(mesh: SurfaceMesh, vertex: int | np.integer) -> str:
     return "({:.4f}, {:.4f}, {:.4f}) m".format(*mesh.vertices_m[vertex])
 
@@ -157,16 +169,16 @@ def _areas(mesh: SurfaceMesh) -> None:
 
 def _manifold(mesh: SurfaceMesh) -> None:
     half = _half_edges(mesh.triangles)
-    edges, count = np.unique(np.sort(half, axis=1), axis=0, return_counts=True)
+    edges, count = np.unique(_keys(np.sort(half, axis=1)), return_counts=True)
     if count.max() > 2:
-        a, b = edges[np.argmax(count > 2)]
+        a, b = divmod(int(edges[np.argmax(count > 2)]), _corners(half))
         raise InputError(
             f"{mesh.name}: edge {a}-{b} at {_place(mesh, a)} belongs to {count.max()} triangles; "
             "allowed: 1 or 2 (the mesh is not manifold there)"
         )
-    directed, twice = np.unique(half, axis=0, return_counts=True)
+    directed, twice = np.unique(_keys(half), return_counts=True)
     if twice.max() > 1:
-        a, b = directed[np.argmax(twice > 1)]
+        a, b = divmod(int(directed[np.argmax(twice > 1)]), _corners(half))
         raise InputError(
             f"{mesh.name}: the two triangles at edge {a}-{b}, {_place(mesh, a)}, are turned against each other (one is flipped); "
             "expected all anticlockwise seen from outside"

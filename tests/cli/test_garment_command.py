@@ -27,7 +27,6 @@ from haptics.garments.mesh_files import write_obj
 
 pytestmark = pytest.mark.slow
 
-
 SLEEVE = ("--garment", "sleeve", "--motion", "elbow_flexion", "--angle-deg", "90", "--level", "coarse")
 FILES = {"designs.h5", "sequence.png", "density.png", "garment.png", "design.json"}
 

@@ -32,6 +32,7 @@ def commands() -> list[list[str]]:
     return [shlex.split(line) for block in blocks for line in block.splitlines()]
 
 
+@pytest.mark.slow
 def test_every_command_runs_in_the_order_of_the_page(command, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     known = [words for words in commands() if words[0] == "haptics"]

@@ -21,8 +21,7 @@ def refuse() -> float:
     raise InputError("no")
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize("model", ["thermal", *(pytest.param(model, marks=pytest.mark.slow) for model in ("latch", "brake"))])
 def test_every_level_holds_at_its_extremes(model):
     rows = stress(quick=True, models=[model])
     assert {row.level for row in rows} == MODELS[model]

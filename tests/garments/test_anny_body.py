@@ -18,7 +18,6 @@ from haptics.garments.mesh import SurfaceMesh, checked_mesh
 
 pytestmark = pytest.mark.slow
 
-
 PEOPLE = [
     {},
     {"weight": 1.0, "gender": 0.0},
@@ -50,6 +49,20 @@ def rest():
 @pytest.fixture(scope="module")
 def body():
     return open_body("anny")
+
+
+@pytest.fixture(scope="module")
+def person(own_cache):
+    """Of a phenotype, made once."""
+    made = {}
+
+    def make(phenotype):
+        key = str(phenotype)
+        if key not in made:
+            made[key] = AnnyBody(phenotype)
+        return made[key]
+
+    return make
 
 
 def clothed(body):
@@ -154,12 +167,12 @@ def test_clefts_are_spanned_where_cloth_lies(rest, body):
 
 
 @pytest.mark.parametrize("phenotype", PEOPLE, ids=str)
-def test_cloth_regions_neither_turn_over_nor_degenerate(phenotype):
-    person = AnnyBody(phenotype)
-    own = triangles_within(clothed(person), person.triangles)
-    straight = SurfaceMesh(person.straight_m, own).areas_m2
+def test_cloth_regions_neither_turn_over_nor_degenerate(phenotype, person):
+    body = person(phenotype)
+    own = triangles_within(clothed(body), body.triangles)
+    straight = SurfaceMesh(body.straight_m, own).areas_m2
     for motion in MOTIONS.values():
-        posed = person.posed_m(motion.pose(motion.default_deg))
+        posed = body.posed_m(motion.pose(motion.default_deg))
         assert folds_deg(posed, own).max() < 120, motion.name  # a triangle turned over makes more
         assert (SurfaceMesh(posed, own).areas_m2 / straight).min() > 0.05, motion.name
 
@@ -173,18 +186,17 @@ def test_bent_limbs_keep_their_volume(body):
 
 
 @pytest.mark.parametrize("phenotype", PEOPLE, ids=str)
-def test_every_garment_can_be_cut(phenotype):
-    person = AnnyBody(phenotype)
+def test_every_garment_can_be_cut(phenotype, person):
     for name in GARMENTS:
-        garment = cut_garment(person, name, "draft")
+        garment = cut_garment(person(phenotype), name, "draft")
         assert openings(garment.triangles) == OPENINGS[name]
         assert 0.83 <= garment.weights.shape[0] / 1800 <= 1.1
 
 
-def test_a_phenotype_shapes_the_body():
-    _, heavy, light, _, tall = (AnnyBody(phenotype) for phenotype in PEOPLE)
+def test_a_phenotype_shapes_the_body(person):
+    _, heavy, light, _, tall = map(person, PEOPLE)
     assert np.ptp(tall.straight_m[:, 2]) > 1.1 * np.ptp(heavy.straight_m[:, 2])
-    waist = [np.ptp(person.straight_m[np.abs(person.straight_m[:, 2] - 1.1) < 0.02][:, 1]) for person in (heavy, light)]
+    waist = [np.ptp(body.straight_m[np.abs(body.straight_m[:, 2] - 1.1) < 0.02][:, 1]) for body in (heavy, light)]
     assert waist[0] > 1.1 * waist[1]
 
 

@@ -21,7 +21,6 @@ from haptics.garments.patch.clamped_patch import ClampedPatch
 
 pytestmark = pytest.mark.slow
 
-
 COVERAGE = 0.3
 SOLVER = "superlu"
 """There everywhere, and the same bits each time."""
@@ -82,6 +81,7 @@ def test_density_of_the_sleeve_rises_with_less_reinforcement(sequence: DesignSeq
     assert sequence.final.density > 1.7
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", ["line", "x"])
 def test_drawn_baselines_are_beaten(sleeve: GarmentOnBody, sequence: DesignSequence, shape: str) -> None:
     drawn = best_drawn(sleeve, shape, COVERAGE)

@@ -16,7 +16,6 @@ from haptics.garments.pattern import PatternOptions, make_pattern, write_pattern
 
 pytestmark = pytest.mark.slow
 
-
 SPACE = "{http://www.w3.org/2000/svg}"
 MM2_PER_M2, MM_PER_M = 1e6, 1e3
 AREA_AGREES = 5e-3
@@ -137,7 +136,7 @@ def printed(case, tmp_path_factory):
     flags = ["--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", f"--user-data-dir={folder / 'profile'}"]
     command = [chromium, *flags, "--force-device-scale-factor=2", window, f"--screenshot={shot}", svg.as_uri()]
     subprocess.run(command, check=True, capture_output=True, timeout=120)
-    return np.asarray(Image.open(BytesIO(shot.read_bytes())).convert("RGB")).astype(int), 2 * css
+    return np.asarray(Image.open(BytesIO(shot.read_bytes())).convert("RGB")).astype(np.int16), 2 * css
 
 
 @pytest.mark.parametrize("case", ["cylinder"], indirect=True)

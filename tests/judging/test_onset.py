@@ -126,7 +126,7 @@ def test_the_experiment_repeats_itself_and_beats_hold_on_a_motion_it_was_not_mad
 def test_recorded_hands_are_met_when_they_touch(recordings):
     """A smaller sample than the published table (docs/explanation/onset.md); thresholds with its room for chance."""
     paths = [SitePath.of(track) for file in sorted(recordings.glob("*.leap.json.gz")) for track in load_hand(file).tracks]
-    found = onset_experiment(paths, objects=24, seed=5)
+    found = onset_experiment(paths, objects=12, seed=5)
     for (latency_ns, onsets), median_ms, window in zip(found.items(), (2.0, 4.5, 7.5), (0.995, 0.99, 0.98), strict=True):
         fast, hold = statistics_of(onsets, 0.1), statistics_of(onsets.hold, 0.1)
         assert fast.n >= 250

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
+from shared_proofs import shared_proofs
 
 from haptics.errors import InputError
 from haptics.scene import shipped_scenes
@@ -19,18 +20,20 @@ HANDS = ("grab", "wave", "waiting", "flapping")
 
 
 def proof(scene, hand="synthetic", **options):
-    return prove_plan(scene, hand, Configuration(), RunOptions(**options))
+    return prove_plan(scene, hand, Configuration(), RunOptions(side="auto", **options))  # as the command does
 
 
-@pytest.mark.parametrize("scene", ["playground", "posture"])
+@pytest.mark.parametrize("scene", ["playground", pytest.param("posture", marks=pytest.mark.slow)])
 def test_nobody_would_tell_the_plan_from_the_reference(scene):
-    found = proof(scene)
+    with shared_proofs():
+        found = proof(scene)
     assert found.kept
     assert found.rows
     assert "reference" not in found.levels.values()
     assert found.planned_cpu_s < found.reference_cpu_s
 
 
+@pytest.mark.slow
 def test_a_recorded_grasp_through_the_plan_and_through_the_reference(recordings):
     found = proof("playground", str(recordings / "grab.leap.json.gz"))
     assert found.kept, found.rows
@@ -41,7 +44,8 @@ def test_a_recorded_grasp_through_the_plan_and_through_the_reference(recordings)
 
 
 def test_a_level_that_is_too_coarse_for_the_tolerance_is_found_out():
-    found = proof("playground", levels={"latch": "event", "brake": "static"}, tolerance_jnd=0.01)
+    with shared_proofs():
+        found = proof("playground", levels={"latch": "event", "brake": "static"}, tolerance_jnd=0.01)
     assert not found.kept
     broken = {row.observable for row in found.rows if not row.kept}
     assert broken >= {"impact speed", "plateau, index"}

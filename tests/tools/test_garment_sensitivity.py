@@ -12,7 +12,6 @@ import pytest
 
 pytestmark = pytest.mark.slow
 
-
 TOOL = Path(__file__).resolve().parents[2] / "tools" / "garment_sensitivity.py"
 
 

@@ -11,11 +11,14 @@ Fastest first, as measured by `make bench`.
 
 from __future__ import annotations
 
+import ctypes
 import os
+import sys
 import weakref
 from collections.abc import Callable
 from contextlib import suppress
 from importlib.util import find_spec
+from pathlib import Path
 from typing import Any, Protocol, cast
 
 import numpy as np
@@ -95,6 +98,16 @@ class _Upper:
         self.indptr = np.concatenate([[0], np.cumsum(np.bincount(self.rows, minlength=len(indptr) - 1))]).astype(np.int32)
 
 
+def _mkl_beside_python() -> str | None:
+    """MKL as pip installs it; None where it is elsewhere, or cannot be loaded."""
+    for folder in ("lib", "Library/bin"):
+        for path in sorted(Path(sys.prefix, folder).glob("*mkl_rt*")):
+            with suppress(OSError):
+                ctypes.CDLL(str(path))
+                return str(path)
+    return None
+
+
 class _Pardiso:
     name = "pardiso"
 
@@ -103,8 +116,10 @@ class _Pardiso:
         from scipy.sparse import csr_matrix
 
         self._upper = _Upper(indptr, indices)
+        # Else the wrapper asks linker and compiler, and looks through all installed packages: most of a second.
+        if "PYPARDISO_MKL_RT" not in os.environ and (beside := _mkl_beside_python()):
+            os.environ["PYPARDISO_MKL_RT"] = beside
         self._solver: Any = PyPardisoSolver(mtype=2)  # real, symmetric, positive definite
-        # Else each new solver looks for MKL through all installed packages.
         os.environ.setdefault("PYPARDISO_MKL_RT", self._solver.libmkl._name)
         # On several threads the last bits of the result change from run to run, and at this size little is gained.
         self._solver.libmkl.MKL_Set_Num_Threads(1)

@@ -49,12 +49,7 @@ def neighbour_lists(rest: SurfaceMesh, count: int = NEIGHBOURS) -> Ints:
     owner = np.repeat(np.arange(n), np.diff(five.indptr))
     distance = np.linalg.norm(rest.vertices_m[owner] - rest.vertices_m[five.indices], axis=1)
     distance[owner == five.indices] = -1.0
-    order = np.lexsort((five.indices, distance, owner))
-    rank = np.arange(len(owner)) - np.repeat(five.indptr[:-1], np.diff(five.indptr))
-    lists = np.full((n, count), -1, dtype=np.int64)
-    keep = rank < count
-    lists[owner[keep], rank[keep]] = five.indices[order][keep]
-    return lists
+    return _nearest_first(five.indptr, five.indices, distance, count)
 
 
 class ImplicitBody:
@@ -150,6 +145,26 @@ def nearest_vertices(points_m: Floats, vertices_m: Floats) -> NDArray[np.int64]:
     from scipy.spatial import KDTree
 
     return np.asarray(KDTree(vertices_m).query(points_m)[1], dtype=np.int64)
+
+
+@njit(cache=True)
+def _nearest_first(indptr, indices, distance, count):
+    """Each row's ``count`` nearest, of two equally far the one with the lower number first; -1 fills up."""
+    lists = np.full((len(indptr) - 1, count), -1, np.int64)
+    far = np.empty(count)
+    for row in range(len(lists)):
+        kept = 0
+        for entry in range(indptr[row], indptr[row + 1]):
+            d, k = distance[entry], indices[entry]
+            if kept == count and (d > far[-1] or (d == far[-1] and k > lists[row, -1])):
+                continue
+            at = min(kept, count - 1)
+            while at > 0 and (far[at - 1] > d or (far[at - 1] == d and lists[row, at - 1] > k)):
+                far[at], lists[row, at] = far[at - 1], lists[row, at - 1]
+                at -= 1
+            far[at], lists[row, at] = d, k
+            kept = min(kept + 1, count)
+    return lists
 
 
 @njit(cache=True)

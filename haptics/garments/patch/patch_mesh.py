@@ -51,14 +51,14 @@ def patch_mesh(layout: Layout, side_m: float, elements: int) -> SurfaceMesh:
     for _ in range(MAX_ROUNDS):
         points, numbers = _merged([*pieces, free], side_m)
         triangles = Delaunay(points).simplices.astype(np.int64)
-        edges = _keys(triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), len(points))
+        edges = np.unique(_keys(triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), len(points)))
         on_lines, done, first = [], True, 0
         for k, piece in enumerate(pieces):
             ends = np.stack([numbers[first : first + len(piece) - 1], numbers[first + 1 : first + len(piece)]], axis=1)
             first += len(piece)
             keys = _keys(ends, len(points))
             on_lines.append(keys)
-            halve = np.flatnonzero((ends[:, 0] != ends[:, 1]) & (~np.isin(keys, edges) | too_long(piece[:-1], piece[1:])))
+            halve = np.flatnonzero((ends[:, 0] != ends[:, 1]) & (~_among(keys, edges) | too_long(piece[:-1], piece[1:])))
             pieces[k] = np.insert(piece, halve + 1, 0.5 * (piece[halve] + piece[halve + 1]), axis=0)
             done &= len(halve) == 0
         between = np.setdiff1d(edges, np.concatenate(on_lines))
@@ -73,6 +73,10 @@ def patch_mesh(layout: Layout, side_m: float, elements: int) -> SurfaceMesh:
 def _keys(ends: Ints, points: int) -> Ints:
     """One number for each pair of point numbers, in either order."""
     return ends.min(axis=1) * points + ends.max(axis=1)
+
+
+def _among(keys: Ints, sorted_keys: Ints) -> Bools:
+    return sorted_keys[np.minimum(np.searchsorted(sorted_keys, keys), len(sorted_keys) - 1)] == keys
 
 
 def _lines(layout: Layout, half: float) -> list[Segment]:

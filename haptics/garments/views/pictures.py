@@ -32,6 +32,7 @@ FRONT, BACK = ("front", 35.0, 12.0), ("back", 145.0, 12.0)
 """Both from the wearer's left, where the sleeves are."""
 PIXELS = 420
 """Longer side of one view."""
+DPI = 130
 SHOWN = 6
 """Designs in the picture of the sequence."""
 BRIGHTEST = 0.98
@@ -284,7 +285,7 @@ def _figure(size_in: tuple[float, float]) -> Iterator[Any]:
 
     style: Any = {**matplotlib.rcParamsDefault, **_STYLE}
     with matplotlib.rc_context(style):
-        figure = Figure(figsize=size_in, dpi=130, layout="constrained")
+        figure = Figure(figsize=size_in, dpi=DPI, layout="constrained")
         FigureCanvasAgg(figure)
         yield figure
 

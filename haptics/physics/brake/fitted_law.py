@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 
 from haptics.physics.brake.parameters import BRAKE
 from haptics.physics.fitted import ROUNDING, refuse_outside
@@ -44,6 +45,17 @@ class ForceLaw(ABC):
         if not extrapolate:
             self._refuse_outside("volts", volts, "V", volts, thickness_m, permittivity)
         return self._force_n(volts, overlap_m2, thickness_m, permittivity, strips)
+
+    def of_volts(self, overlap_m2: float, thickness_m: float, permittivity: float, strips: int = 1) -> Callable[[float], float]:
+        """``force_n`` with ``extrapolate`` as a function of volts, for who asks often.
+
+        :param overlap_m2: as ``force_n``.
+        :param thickness_m: as ``force_n``.
+        :param permittivity: as ``force_n``.
+        :param strips: as ``force_n``.
+        :return: force (N) at an amplitude (V).
+        """
+        return lambda volts: self._force_n(volts, overlap_m2, thickness_m, permittivity, strips)
 
     def force_sd_n(
         self,

@@ -16,6 +16,7 @@ Overlap and strips only multiply the force; other volts and films are extrapolat
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from haptics.errors import InputError
@@ -76,8 +77,17 @@ class ThresholdLaw(ForceLaw):
     fitted_to_v: float = MAX_VOLTS
 
     def _force_n(self, volts: float, overlap_m2: float, thickness_m: float, permittivity: float, strips: int) -> float:
-        over_v2 = self._over_v2(volts, thickness_m, permittivity)
-        return self.k_n_v2 * self._scale(overlap_m2, thickness_m, permittivity, strips) * max(0.0, over_v2) + self.off_force_n
+        return self.of_volts(overlap_m2, thickness_m, permittivity, strips)(volts)
+
+    def of_volts(self, overlap_m2: float, thickness_m: float, permittivity: float, strips: int = 1) -> Callable[[float], float]:
+        per_v2 = self.k_n_v2 * self._scale(overlap_m2, thickness_m, permittivity, strips)
+        threshold_v2, off_n = self._threshold_v2(thickness_m, permittivity), self.off_force_n
+
+        def force_n(volts: float) -> float:
+            in_range("volts", volts, -1e6, 1e6, "V")
+            return per_v2 * max(0.0, volts**2 - threshold_v2) + off_n
+
+        return force_n
 
     def _force_sd_n(self, volts: float, overlap_m2: float, thickness_m: float, permittivity: float, strips: int) -> float:
         over_v2 = self._over_v2(volts, thickness_m, permittivity)
@@ -98,8 +108,11 @@ class ThresholdLaw(ForceLaw):
 
     def _over_v2(self, volts: float, thickness_m: float, permittivity: float) -> float:
         in_range("volts", volts, -1e6, 1e6, "V")
+        return volts**2 - self._threshold_v2(thickness_m, permittivity)
+
+    def _threshold_v2(self, thickness_m: float, permittivity: float) -> float:
         stretch2 = (thickness_m / BRAKE.thickness_m) ** 2 * BRAKE.permittivity / permittivity
-        return volts**2 - self.threshold_v**2 * stretch2
+        return self.threshold_v**2 * stretch2
 
 
 @dataclass(frozen=True)

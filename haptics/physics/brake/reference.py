@@ -26,6 +26,7 @@ from haptics.physics.brake.charging import Regime, moved, time_to_reach_s
 from haptics.physics.brake.lagged import HELD
 from haptics.physics.brake.parameters import BRAKE
 from haptics.physics.brake.system import BrakeSystem
+from haptics.physics.looked_up import LOOKED_UP
 
 RELATIVE_TOLERANCE = 1e-10
 _ABSOLUTE_TOLERANCE = (1e-12, 1e-15, 1e-12)  # N, m, m/s
@@ -91,6 +92,7 @@ class ReferenceBrakes(BrakeBase):
         self._state = [np.array([capacity_n, 0.0, 0.0]) for capacity_n in self._capacity_n]
         self._mode = [SLACK] * outputs
         self._rising = [True] * outputs
+        self._full_n = [system.full_force(k) for k in range(outputs)]
         self._kink_v = [self._kink(k) for k in range(outputs)]
         self._next_leg()
 
@@ -207,13 +209,15 @@ class ReferenceBrakes(BrakeBase):
         rising = self._rate(k, abs(volts(now_s)), self._slip(k, mode, slip_m, state), float(state[0])) >= 0.0
         if self._target(k, abs(volts(now_s)), slip_m) == float(state[0]):
             rising = self._rising[k]
+            if k not in self._pulling and volts.from_v == volts.regime.target_v == 0.0:
+                return [Piece(until_s, lambda _: state, mode, slip_m)]  # nothing acts, and nothing is on its way
         while True:
             motion = self._motion(k, volts, mode, slip_m, rising)
             borders = self._borders(k, volts, mode, slip_m, rising, motion)
             events = [_crossing(of, direction) for _, of, direction in borders]
             events.append(_passing(self._half_n[k]))
             solved = cast(Any, solve_ivp(
-                motion, (now_s, until_s), state, "DOP853", dense_output=True, events=events,
+                motion, (now_s, until_s), state, LOOKED_UP, dense_output=True, events=events,
                 rtol=RELATIVE_TOLERANCE, atol=_ABSOLUTE_TOLERANCE, first_step=min(1e-6, until_s - now_s) or None,
             ))  # fmt: skip
             if not solved.success:
@@ -253,7 +257,7 @@ class ReferenceBrakes(BrakeBase):
         """Steady capacity at these volts with this slip, by the law itself."""
         off_n = self._tables[k].off_n
         share = self._system.share(k, self._travel_m[k] + slip_m)
-        return off_n + (self._system.full_force_n(k, volts) - off_n) * share
+        return off_n + (self._full_n[k](volts) - off_n) * share
 
     def _rate(self, k: int, volts: float, slip_m: float, force_n: float, rising: bool | None = None) -> float:
         ahead_n, contact = self._target(k, volts, slip_m) - force_n, self._system.contact
@@ -276,13 +280,14 @@ class ReferenceBrakes(BrakeBase):
     def _motion(self, k: int, volts: Volts, mode: str, slip_m: float, rising: bool) -> Callable[[float, Any], Any]:
         """``(F', y', v')``; a hand that does nothing leaves the finger where it is."""
         f, moves = self._system.finger, k in self._pulling
+        position_m, speed_m_s, since_s = self._hands[k]
 
         def motion(time_s: float, state: Any) -> Any:
             force_n, y, v = state.tolist()
             rate = self._rate(k, abs(volts(time_s)), self._slip(k, mode, slip_m, state), force_n, rising)
             if not moves:
                 return rate, 0.0, 0.0
-            hand_m, speed_m_s = self._hand_m(k, time_s), self._hands[k][1]
+            hand_m = position_m + speed_m_s * (time_s - since_s)
             pull_n = f.load_stiffness_n_m * (hand_m - y) + f.load_damping_n_s_m * (speed_m_s - v)
             return rate, v, (pull_n - f.damping_n_s_m * v - self._tension(mode, slip_m, state)) / f.finger_mass_kg
 

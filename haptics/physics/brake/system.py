@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -111,12 +112,20 @@ class BrakeSystem:
         :param volts: amplitude (V), 0 or more.
         :return: capacity (N); 0 where nothing is connected.
         """
+        return self.full_force(output)(volts)
+
+    def full_force(self, output: int) -> Callable[[float], float]:
+        """``full_force_n`` of one output as a function of volts: what does not depend on them is computed once.
+
+        :param output: from 0.
+        :return: capacity (N) at an amplitude (V).
+        """
         full_m2, brake = self.overlap_m2(output), self.brake
         if full_m2 <= 0.0:
-            return 0.0
+            return lambda _: 0.0
         gain = self.force_gain[output if len(self.force_gain) > 1 else 0]
-        law, film = self.laws[output], (brake.thickness_m, brake.permittivity)
-        return gain * law.force_n(volts, full_m2, *film, self.strips, extrapolate=True)
+        force_n = self.laws[output].of_volts(full_m2, brake.thickness_m, brake.permittivity, self.strips)
+        return lambda volts: gain * force_n(volts)
 
     def check_volts(self, volts: float) -> float:
         """Refuse volts that supply or dielectric do not stand.

@@ -28,6 +28,7 @@ from haptics.physics.latch.plant import (
     checked_time,
     latched_at,
 )
+from haptics.physics.looked_up import LOOKED_UP
 from haptics.units import in_range
 
 RELATIVE_TOLERANCE = 1e-10
@@ -36,7 +37,7 @@ _LEG_S = 5e-3
 """Longest leg; at its end it is seen whether the pin rests."""
 _REST_M_S, _REST_M_S2, _REST_A = 1e-6, 1e-2, 1e-7
 
-_Force = Callable[[float, float, float], float]
+_Force = Callable[[float, float, float, float], float]
 
 
 class ReferenceLatch(LatchPlant):
@@ -141,16 +142,17 @@ class ReferenceLatch(LatchPlant):
     def _next_leg(self) -> None:
         """Solve from the present state to the next contact, loss of contact, passing of the marker, or ``_LEG_S``."""
         p, volts, resistance = self._p, self._volts, self._resistance
-        force, thrust = self._force(), self._thrust
+        force, thrust, mass_kg, inductance_h = self._force(), self._thrust(), p.mass_kg, p.inductance_h
 
         def motion(_: float, y: np.ndarray) -> tuple[float, float, float, float]:
             x, v, i, _charge = y.tolist()
-            return v, force(x, v, i) / p.mass_kg, (volts - resistance * i - thrust(x) * v) / p.inductance_h, i
+            thrust_n_a = thrust(x)
+            return v, force(x, v, i, thrust_n_a) / mass_kg, (volts - resistance * i - thrust_n_a * v) / inductance_h, i
 
         borders = self._borders()
         events = [_crossing(at_m, direction) for _, at_m, direction in borders]
         solved = cast(Any, solve_ivp(
-            motion, (0.0, _LEG_S), self._state, "DOP853", dense_output=True, events=events,
+            motion, (0.0, _LEG_S), self._state, LOOKED_UP, dense_output=True, events=events,
             rtol=RELATIVE_TOLERANCE, atol=_ABSOLUTE_TOLERANCE, first_step=1e-7,
         ))  # fmt: skip
         if not solved.success:
@@ -204,7 +206,7 @@ class ReferenceLatch(LatchPlant):
 
     def _still(self) -> bool:
         x, v, i, _ = self._state.tolist()
-        acceleration = self._force()(x, v, i) / self._p.mass_kg
+        acceleration = self._force()(x, v, i, self._thrust()(x)) / self._p.mass_kg
         return abs(v) < _REST_M_S and abs(acceleration) < _REST_M_S2 and abs(i - self._volts / self._resistance) < _REST_A
 
     def _rest(self) -> None:
@@ -213,40 +215,48 @@ class ReferenceLatch(LatchPlant):
         Strong volts make a second equilibrium further in, from which the pin would go through; it is not the one meant.
         """
         p, i = self._p, self._volts / self._resistance
-        force, stop = self._force(), 0.0 if self._stop == "off" else p.stroke_m
+        force, thrust, stop = self._force(), self._thrust(), 0.0 if self._stop == "off" else p.stroke_m
         into = -1.0 if self._stop == "off" else 1.0
         depth_m = max(1e-9, 0.9 * into * (float(self._state[0]) - stop))
-        while into * force(stop + into * depth_m, 0.0, i) > 0.0:
+        while into * force(stop + into * depth_m, 0.0, i, thrust(stop + into * depth_m)) > 0.0:
             depth_m *= 1.02
             if depth_m > DEEPEST * p.plate_length_m:
                 raise beyond_stop(p, self._volts)
         low, high = sorted((stop, stop + into * depth_m))
         for _ in range(80):
             middle = 0.5 * (low + high)
-            low, high = (middle, high) if force(middle, 0.0, i) > 0.0 else (low, middle)
+            low, high = (middle, high) if force(middle, 0.0, i, thrust(middle)) > 0.0 else (low, middle)
         self._state = np.array([0.5 * (low + high), 0.0, i, float(self._state[3])])
         self._leg, self._ends_s = None, math.inf
 
-    def _thrust(self, x: float) -> float:
-        """Coil force for each ampere, N/A."""
+    def _thrust(self) -> Callable[[float], float]:
+        """Coil force for each ampere, N/A, at a position."""
         p = self._p
-        near_off, near_on = math.exp(-x / p.thrust_length_m), math.exp((x - p.stroke_m) / p.thrust_length_m)
-        return p.thrust_n_a * (near_off + near_on) / (1.0 + math.exp(-p.stroke_m / p.thrust_length_m))
+        thrust_n_a, length_m, stroke_m = p.thrust_n_a, p.thrust_length_m, p.stroke_m
+        both = 1.0 + math.exp(-stroke_m / length_m)
+
+        def thrust(x: float) -> float:
+            return thrust_n_a * (math.exp(-x / length_m) + math.exp((x - stroke_m) / length_m)) / both
+
+        return thrust
 
     def _force(self) -> _Force:
-        """Force on the pin (N) at a position, speed and current, with the stop that is touched now."""
-        p, stop, thrust = self._p, self._stop, self._thrust
+        """Force on the pin (N) at a position, speed, current and thrust, with the stop that is touched now."""
+        p, stop = self._p, self._stop
+        stroke_m, plate_m, power = p.stroke_m, p.plate_length_m, -p.plate_power
+        hold_on_n, hold_off_n, drag_n_s_m = p.hold_on_n, p.hold_off_n, p.drag_n_s_m
+        skin_n_m, skin_at_m = p.skin_stiffness_n_m, p.skin_at_m
 
-        def force(x: float, v: float, i: float) -> float:
+        def force(x: float, v: float, i: float, thrust_n_a: float) -> float:
             # A trial step may overshoot a stop by more than the plates' law has a meaning for.
-            on = p.hold_on_n * max(0.1, 1.0 + (p.stroke_m - x) / p.plate_length_m) ** -p.plate_power
-            off = p.hold_off_n * max(0.1, 1.0 + x / p.plate_length_m) ** -p.plate_power
-            total = thrust(x) * i + on - off - p.drag_n_s_m * v
+            on = hold_on_n * max(0.1, 1.0 + (stroke_m - x) / plate_m) ** power
+            off = hold_off_n * max(0.1, 1.0 + x / plate_m) ** power
+            total = thrust_n_a * i + on - off - drag_n_s_m * v
             if stop == "on":
-                total -= p.on_stiffness_n_m * (x - p.stroke_m) * max(0.0, 1.0 + p.on_loss_s_m * v)
+                total -= p.on_stiffness_n_m * (x - stroke_m) * max(0.0, 1.0 + p.on_loss_s_m * v)
             elif stop == "off":
                 total -= p.off_stiffness_n_m * x * max(0.0, 1.0 - p.off_loss_s_m * v)
-            return total - p.skin_stiffness_n_m * max(0.0, x - p.skin_at_m)
+            return total - skin_n_m * max(0.0, x - skin_at_m)
 
         return force
 
