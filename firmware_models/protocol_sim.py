@@ -318,6 +318,19 @@ class Serial(SerialBase):
             else:
                 world.catch_up()
 
+    def pass_by(self, to_ns: int) -> int | None:
+        """Let others in a world on a virtual clock act, while this port's own device does nothing.
+
+        :param to_ns: world time at most, ns.
+        :return: world time at which bytes wait to be read here, which ends it, ns; None if none do.
+        """
+        world = self._live()
+        if not world.virtual or world.next_ns > to_ns or len(world.members) == 1:
+            return None
+        line = self._cable.to_host
+        with world.lock:
+            return world.pass_by(self._cable, to_ns, lambda now_ns: line.waiting(now_ns) > 0)
+
     def next_event(self) -> int | None:
         """When something happens next by itself.
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import threading
 import time
+from collections.abc import Callable
 from typing import Protocol
 
 from firmware_models.line.uart import NEVER_NS
@@ -65,12 +66,31 @@ class World:
         if to_ns < self.now_ns:
             raise InputError(f"to_ns = {to_ns} lies before this world's {self.now_ns}; time only moves forward")
         while self.next_ns <= to_ns:
-            at_ns = self.next_ns
-            for member in self.members.values():
-                member.advance(at_ns)
-            self.now_ns = at_ns
-            self.replan()
+            self._step()
         self.now_ns = to_ns
+
+    def pass_by(self, one: Member, to_ns: int, waits: Callable[[int], bool]) -> int | None:
+        """Carry everybody through what others than ``one`` do, to ``to_ns`` at most; ends ahead of what ``one`` does itself.
+
+        :param one: a member.
+        :param to_ns: world time, ns.
+        :param waits: asked with the time after each event; True ends it.
+        :return: world time at which it was ended so, ns; None if it was not.
+        """
+        while (at_ns := self.next_ns) <= to_ns and one.next_event() > at_ns:
+            self._step()
+            if waits(at_ns):
+                self.advance(at_ns)
+                return at_ns
+        return None
+
+    def _step(self) -> None:
+        """The next event."""
+        at_ns = self.next_ns
+        for member in self.members.values():
+            member.advance(at_ns)
+        self.now_ns = at_ns
+        self.replan()
 
     def catch_up(self) -> int:
         """Bring a world on the real clock to now.

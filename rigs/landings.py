@@ -14,7 +14,7 @@ import numpy as np
 from haptics.physics.latch.recoil import SAMPLE_RATE_HZ
 from rigs.coil_current import MAX_DIP, MIN_DIP, PulseRecord
 from rigs.fitting import Vector
-from rigs.instruments import Accelerometer, Samples
+from rigs.instruments import Accelerometer, InstrumentSilent, Samples
 from rigs.result import Fault, Measured, Measurement
 
 REST_S = 60e-3
@@ -92,13 +92,17 @@ def traces(samples: Samples, commands_ns: Sequence[int], length_s: float) -> lis
 
 
 def set_up(accelerometer: Accelerometer, noise_g: float, pulses: PulseRecord) -> dict[str, Measured]:
-    """The measurements that decide whether anything else is worth evaluating.
+    """The measurements that decide whether anything else is worth evaluating: all of ``MEASUREMENTS`` but ``landing_dip``, which
+    a silent accelerometer alone asks for (``PulseRecord.landing_dip``).
 
     :param accelerometer: after the run.
     :param noise_g: standard deviation of one sample at rest, g.
     :param pulses: of the run, with the telemetry that met them.
-    :return: by name, in the order of the list ``MEASUREMENTS``.
+    :return: six, by name, in the order of ``MEASUREMENTS``.
+    :raises InstrumentSilent: no sample came.
     """
+    if not accelerometer.count:
+        raise InstrumentSilent(accelerometer.url, f"no sample came from the accelerometer: {accelerometer.seen()}", "measure")
     counted = accelerometer.count + accelerometer.lost + len(accelerometer.faults)
     volts = float(pulses.volts.mean()) if len(pulses.volts) else 0.0
     values = {

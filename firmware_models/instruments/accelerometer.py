@@ -20,6 +20,7 @@ the sensor feels ``loose_share`` of the pendulum; ``drop``, the share of lines t
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
 from collections import deque
 from collections.abc import Mapping
 from typing import Any, NamedTuple
@@ -48,6 +49,8 @@ PHASE_SCATTER_RAD = 0.8  # assumed: sd about a ring that begins at its maximum
 PARTIAL_RATIO, PARTIAL_SHARE = 1.9, 0.15  # assumed: second partial of the ring
 _GROUP = 4
 """Samples between two looks at the plant. Each line still goes out at its own time; the world is woken up less often."""
+_BLOCK = 1024
+"""Samples whose times, swing and noise are worked out at once."""
 _FORGET_AFTER_TAUS = 25.0
 
 
@@ -58,6 +61,16 @@ class _Ring(NamedTuple):
     end_ns: int
     rates: NDArray[np.complex128]
     amplitudes: NDArray[np.complex128]
+
+
+class _Block(NamedTuple):
+    """What no landing changes of the samples from number ``first`` on: when they are taken, and all that is read but a ring."""
+
+    first: int
+    taken_ns: list[int]
+    swing_g: NDArray[np.float64]
+    noise_g: NDArray[np.float64]
+    quiet: list[int]
 
 
 class Accelerometer(Instrument):
@@ -106,6 +119,8 @@ class Accelerometer(Instrument):
         self._landing_rng, self._drop_rng = self.rng.spawn(2)
         self._rings: deque[_Ring] = deque()
         self._listening = False
+        self._block = self._next_block(0)
+        self._due_ns = self._block.taken_ns[_GROUP - 1] + self._delay_ns
 
     def header(self) -> dict[str, float | str]:
         return {
@@ -125,30 +140,60 @@ class Accelerometer(Instrument):
 
         :return: world time, ns.
         """
-        return self._taken_ns(self._count + _GROUP - 1) + self._delay_ns
+        return self._due_ns
 
     def advance(self, to_ns: int) -> None:
         """Send the lines due up to and including ``to_ns``.
 
         :param to_ns: world time, ns; not before ``now_ns``.
         """
-        first = last = self._count
-        while self._taken_ns(last) + self._delay_ns <= to_ns:
-            last += 1
         self.now_ns = to_ns
-        if first == last:
-            return
-        self._listen()
-        times_ns = np.array([self._taken_ns(k) for k in range(first, last)], dtype=np.int64)
-        counts = self._counts(times_ns)
-        lost = self._drop_rng.random(len(counts)) < self.settings["drop"]
-        for k, (time_ns, count, gone) in enumerate(zip(times_ns.tolist(), counts.tolist(), lost.tolist(), strict=True), first):
+        latest_ns, first = to_ns - self._delay_ns, self._count
+        while True:
+            block, at = self._block, self._count - self._block.first
+            end = bisect_right(block.taken_ns, latest_ns, at)
+            if end > at:
+                if self._count == first:
+                    self._listen()
+                self._send(at, end)
+            if end < len(block.taken_ns):
+                break
+            self._block = self._next_block(self._count)
+        if self._count > first:
+            self._plan()
+
+    def _plan(self) -> None:
+        """When the next group is whole."""
+        last = self._count - self._block.first + _GROUP - 1
+        taken_ns = self._block.taken_ns
+        self._due_ns = (taken_ns[last] if last < len(taken_ns) else self._taken_ns(self._count + _GROUP - 1)) + self._delay_ns
+
+    def _send(self, low: int, high: int) -> None:
+        """The lines of these samples of the block."""
+        block, drop = self._block, self.settings["drop"]
+        times_ns = block.taken_ns[low:high]
+        counts = self._counts(low, high) if self._rings else block.quiet[low:high]
+        lost = (self._drop_rng.random(len(counts)) < drop).tolist() if drop else [False] * len(counts)
+        for k, (time_ns, count, gone) in enumerate(zip(times_ns, counts, lost, strict=True), block.first + low):
             if not gone:
-                self._line.send(f"{k % INDEX_MODULUS} {count}\n".encode(), time_ns + self._delay_ns)
-        self._count = last
+                self._line.send(b"%d %d\n" % (k % INDEX_MODULUS, count), time_ns + self._delay_ns)
+        self._count = block.first + high
 
     def _taken_ns(self, k: int) -> int:
         return self.start_ns + round(self._period_ns * (k + 1))
+
+    def _next_block(self, first: int) -> _Block:
+        times_ns = np.rint(self._period_ns * np.arange(first + 1, first + _BLOCK + 1)).astype(np.int64) + self.start_ns
+        since_s = (times_ns - self.start_ns) / 1e9
+        swing_g = self.settings["swing_g"] * np.sin(2.0 * math.pi * SWING_HZ * since_s + self._swing_rad)
+        noise_g = self.settings["noise_g"] * self.rng.standard_normal(_BLOCK)
+        return _Block(first, times_ns.tolist(), swing_g, noise_g, self._read(swing_g, noise_g))
+
+    def _read(self, true_g: NDArray[np.float64], noise_g: NDArray[np.float64]) -> list[int]:
+        """Counts of a true acceleration."""
+        seen_g = self.gain * true_g + self.offset_g + noise_g
+        end = round(self.range_g / G_PER_COUNT)
+        return np.clip(np.rint(seen_g / G_PER_COUNT), -end, end - 1).astype(np.int64).tolist()
 
     def _listen(self) -> None:
         """Carry the actuator to now: 0.1 ms past the last sample at least, so that no landing before it is still to be told."""
@@ -178,8 +223,10 @@ class Accelerometer(Instrument):
         end_ns = landing.time_ns + round(1e9 * _FORGET_AFTER_TAUS * tau_s)
         self._rings.append(_Ring(landing.time_ns, end_ns, rates, peak_g * shares * np.exp(1j * phases)))
 
-    def _counts(self, times_ns: NDArray[np.int64]) -> NDArray[np.int64]:
-        since_s = (times_ns - self.start_ns) / 1e9
+    def _counts(self, low: int, high: int) -> list[int]:
+        """Readings of these samples of the block, with what rings."""
+        block = self._block
+        times_ns = np.array(block.taken_ns[low:high], dtype=np.int64)
         true_g = np.zeros(len(times_ns))
         cutoff = 2.0 * math.pi * self.bandwidth_hz
         for ring in self._rings:
@@ -190,9 +237,5 @@ class Accelerometer(Instrument):
             self._rings.popleft()
         loose_at_s = self.settings["loose_at_s"]
         if loose_at_s is not None:
-            true_g *= np.where(since_s >= loose_at_s, self.settings["loose_share"], 1.0)
-        swing_g = self.settings["swing_g"] * np.sin(2.0 * math.pi * SWING_HZ * since_s + self._swing_rad)
-        noise_g = self.settings["noise_g"] * self.rng.standard_normal(len(times_ns))
-        seen_g = self.gain * (true_g + swing_g) + self.offset_g + noise_g
-        end = round(self.range_g / G_PER_COUNT)
-        return np.clip(np.rint(seen_g / G_PER_COUNT), -end, end - 1).astype(np.int64)
+            true_g *= np.where((times_ns - self.start_ns) / 1e9 >= loose_at_s, self.settings["loose_share"], 1.0)
+        return self._read(true_g + block.swing_g[low:high], block.noise_g[low:high])

@@ -63,6 +63,7 @@ class Instrument:
         self.now_ns = self.start_ns = start_ns
         self._period_ns = 1e9 / (options["rate_hz"] * (1.0 + self.clock_sd * float(self.rng.standard_normal())))
         self._count = 0
+        self._due_ns = self._when()
         self._line, self._world = transmitter, world
         self._typed = bytearray()
         self._introduce()
@@ -104,6 +105,10 @@ class Instrument:
 
         :return: world time, ns; ``NEVER_NS`` if none will come.
         """
+        return self._due_ns
+
+    def _when(self) -> int:
+        """Time of the sample after ``_count`` of them; ``NEVER_NS`` if it will not come."""
         return self.start_ns + round(self._period_ns * (self._count + 1))
 
     def advance(self, to_ns: int) -> None:
@@ -111,10 +116,11 @@ class Instrument:
 
         :param to_ns: world time, ns; not before ``now_ns``.
         """
-        while (at_ns := self.next_event()) <= to_ns:
+        while (at_ns := self._due_ns) <= to_ns:
             self.now_ns = at_ns
             self._line.send(f"{self._count % INDEX_MODULUS} {self.sample()}\n".encode(), at_ns)
             self._count += 1
+            self._due_ns = self._when()
         self.now_ns = to_ns
 
     def handle(self, data: bytes) -> None:

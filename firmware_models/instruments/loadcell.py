@@ -71,8 +71,8 @@ class LoadCell(Instrument):
             "unit": "count",
         }
 
-    def next_event(self) -> int:
-        next_ns, silent_s = super().next_event(), self.settings["silent_at_s"]
+    def _when(self) -> int:
+        next_ns, silent_s = super()._when(), self.settings["silent_at_s"]
         return NEVER_NS if silent_s is not None and next_ns - self.start_ns >= silent_s * 1e9 else next_ns
 
     def sample(self) -> str:

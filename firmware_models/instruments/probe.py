@@ -88,8 +88,8 @@ class Probe(Instrument):
             "load_ohm": settings["load_ohm"],
         }
 
-    def next_event(self) -> int:
-        at_ns = super().next_event()
+    def _when(self) -> int:
+        at_ns = super()._when()
         return NEVER_NS if self._passed("silent_at_s", at_ns) else at_ns
 
     def sample(self) -> str:

@@ -84,6 +84,10 @@ class Line:
     def _lay(self, data: bytes, start_ns: int) -> None:
         """A burst whose first bit goes out at ``start_ns``, cut behind each delimiter."""
         self._pending += len(data)
+        if data.find(DELIMITER, 0, -1) < 0:  # one piece, as nearly always
+            if data:
+                self._chunks.append(_Chunk(start_ns, 0, self.baud, data, start_ns + len(data) * _BITS_NS // self.baud))
+            return
         first = 0
         while first < len(data):
             cut = data.find(DELIMITER, first) + 1 or len(data)
@@ -130,10 +134,9 @@ class Line:
         """
         total = 0
         for chunk in self._chunks:
-            here = chunk.arrived(now_ns) - chunk.taken
-            total += here
             if chunk.end_ns > now_ns:
-                break
+                return total + chunk.arrived(now_ns) - chunk.taken
+            total += len(chunk.data) - chunk.taken
         return total
 
     def take(self, size: int, now_ns: int) -> bytes:
@@ -144,18 +147,21 @@ class Line:
         :return: the bytes, oldest first.
         """
         parts: list[bytes] = []
-        while size > 0 and self._chunks:
-            chunk = self._chunks[0]
+        chunks = self._chunks
+        while chunks:
+            chunk = chunks[0]
+            left = len(chunk.data) - chunk.taken
+            if chunk.end_ns <= now_ns and left <= size:
+                parts.append(chunk.data[chunk.taken :] if chunk.taken else chunk.data)
+                size -= left
+                self._pending -= left
+                chunks.popleft()
+                continue
             upto = min(chunk.arrived(now_ns), chunk.taken + size)
-            if upto == chunk.taken:
-                break
             parts.append(chunk.data[chunk.taken : upto])
-            size -= upto - chunk.taken
             self._pending -= upto - chunk.taken
             chunk.taken = upto
-            if upto < len(chunk.data):
-                break
-            self._chunks.popleft()
+            break
         return b"".join(parts)
 
     def take_stamped(self, now_ns: int) -> tuple[bytes, list[int]]:

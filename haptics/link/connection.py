@@ -12,7 +12,7 @@ from haptics.link.events import Event
 from haptics.link.messages import Board
 from haptics.link.ports import BytePort, PortErrors, read_waiting
 from haptics.link.session import LinkSession
-from haptics.link.simulated import simulated
+from haptics.link.simulated import SharedWorldPort, simulated
 
 
 class Link:
@@ -28,6 +28,7 @@ class Link:
     def __init__(self, port: BytePort, session: LinkSession):
         self.port, self.session = port, session
         self.simulated = simulated(port)
+        self._shared = port if isinstance(port, SharedWorldPort) else None
         self._reading, self._writing = PortErrors(self.name, "read"), PortErrors(self.name, "write")
         self._lock = threading.RLock()
 
@@ -173,6 +174,17 @@ class Link:
         if self.simulated is not None and self.port.is_open:
             self.simulated.advance(to_ns)
 
+    def pass_by(self, to_ns: int) -> int | None:
+        """Let others in a simulated port's world act, as long as neither its board nor the session has anything to do.
+
+        :param to_ns: time of the world at most (ns).
+        :return: when bytes wait to be read, which ends it (ns); None if none do.
+        """
+        if self._shared is None or not self.port.is_open:
+            return None
+        deadline_ns = self.session.next_deadline_ns
+        return self._shared.pass_by(to_ns if deadline_ns is None else min(to_ns, deadline_ns - 1))
+
     def service(self, now_ns: int) -> None:
         """Hand what has come to the session, let it work, and write what it sends; nothing once the link ended. Waits for
         nothing.
@@ -228,6 +240,7 @@ class Link:
         """
         with self._lock:
             self.port, self.simulated = port, simulated(port)
+            self._shared = port if isinstance(port, SharedWorldPort) else None
             self.start(now_ns)
 
     def close(self) -> None:

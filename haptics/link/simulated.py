@@ -45,6 +45,19 @@ class SimulatedPort(Protocol):
         ...
 
 
+@runtime_checkable
+class SharedWorldPort(Protocol):
+    """A simulated port that can let the others in its world act while its own board does nothing."""
+
+    def pass_by(self, to_ns: int) -> int | None:
+        """Carry the world through what others do, to ``to_ns`` at most, and not as far as the next thing that its own board does.
+
+        :param to_ns: time of the world (ns).
+        :return: when bytes waited at this port, which ends it (ns); None if none do.
+        """
+        ...
+
+
 def simulated(port: object) -> SimulatedPort | None:
     """``port`` as a simulated one.
 

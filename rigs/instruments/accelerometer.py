@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from haptics.time import seconds_to_ns
@@ -30,12 +32,16 @@ class Accelerometer(SampleStream):
     def __init__(self, url: str, baud: int = 500_000):
         super().__init__(url, baud)
         self._late_s = DELAY_S + 10.0 * _LINE_BYTES / baud
+        self._scaled_by: dict[str, str] | None = None
+        self._g_per_count = math.nan
 
     def convert(self, words: list[str]) -> tuple[float, ...]:
-        if "g_per_count" not in self.header:
-            raise ValueError("a sample ahead of the header")
+        if self._scaled_by is not self.header:
+            if "g_per_count" not in self.header:
+                raise ValueError("a sample ahead of the header")
+            self._scaled_by, self._g_per_count = self.header, float(self.header["g_per_count"])
         (count,) = super().convert(words)
-        return (count * float(self.header["g_per_count"]),)
+        return (count * self._g_per_count,)
 
     def samples(self) -> Samples:
         """All samples so far, each at the moment that it was taken: the line's own time and ``DELAY_S`` are allowed for.

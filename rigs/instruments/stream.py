@@ -94,7 +94,7 @@ class SampleStream:
         :return: one value for each column.
         :raises ValueError: not finite numbers.
         """
-        values = tuple(float(word) for word in words)
+        values = tuple(map(float, words))
         if len(values) != len(self.columns) or not all(map(math.isfinite, values)):
             raise ValueError(f"{len(words)} values, or none")
         return values
@@ -150,7 +150,10 @@ class SampleStream:
     @property
     def lost(self) -> int:
         """Samples that the instrument counted and that did not come, before the last one that did."""
-        return self._index[-1] - self._index[0] + 1 - len(self._index) - len(self.faults) if self._index else 0
+        if not self._index:
+            return 0
+        first, last = self._index[0], self._index[-1]
+        return last - first + 1 - len(self._index) - sum(first < number < last for number, _ in self.faults)
 
     @property
     def rate_hz(self) -> float:

@@ -55,6 +55,8 @@ def times(system: BrakeSystem, volts: float) -> Times:
     plant.drive(_HELD_S, 0, 0.0, 0.0)
     left_n = [held_n[-1]]
     for k in range(1, round(_FOLLOWED_S / STEP_S) + 1):
+        if left_n[-1] <= 0.1 * left_n[0]:
+            break
         plant.advance(_HELD_S + k * STEP_S)
         left_n.append(plant.capacity_n[0])
     return Times(

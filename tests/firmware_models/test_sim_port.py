@@ -13,6 +13,7 @@ import serial
 from haptics.errors import InputError
 from haptics.link.framing import encode_frame
 from haptics.link.messages import BY_NAME, Fault, State, Status
+from haptics.link.ports import open_port
 from haptics.link.simulated import simulated
 
 MS = 1_000_000
@@ -214,3 +215,31 @@ def test_a_fault_is_told_only_to_a_host_that_has_introduced_itself(host) -> None
     h.ask("identify")
     h.run(50)
     assert h.last("tactiles_telemetry").faults == 1 << Fault.DEAD_MAN
+
+
+def test_others_in_a_world_go_on_until_the_own_board_acts_or_bytes_wait() -> None:
+    """A load cell of 500 Hz beside a brake board, which is asked who it is at other phases of the cell's 2 ms."""
+    with (
+        open_port("sim://brake?world=passed-by&clock=virtual", 500_000) as board,
+        open_port("sim://loadcell?world=passed-by&clock=virtual", 500_000) as cell,
+    ):
+        assert board.pass_by(MS) is None
+        assert board.now_ns == 0  # nothing happens as early
+        assert board.pass_by(100 * MS) is None
+        assert 98 * MS <= board.now_ns <= 100 * MS
+        assert cell.in_waiting > 40 * len("0 0\n")
+        met = 0
+        for seq in range(1, 9):
+            board.write(encode_frame(BY_NAME["identify"].type, seq))
+            fed_ns = board.now_ns + 20_000 * len(encode_frame(BY_NAME["identify"].type, seq))
+            assert board.pass_by(board.now_ns + 10 * MS) is None
+            assert board.now_ns < fed_ns  # the board has yet to hear it
+            board.advance(fed_ns)
+            waits_ns = board.pass_by(fed_ns + MS)
+            if waits_ns is not None:  # a sample while the answer comes in
+                met += 1
+                assert waits_ns == board.now_ns
+                assert 0 < board.in_waiting < 41
+            board.advance(fed_ns + 2 * MS + 300_000)
+            assert len(board.read(board.in_waiting)) >= 41
+        assert met

@@ -6,6 +6,7 @@ import json
 import re
 import shutil
 import subprocess
+from dataclasses import dataclass
 from html import unescape
 from pathlib import Path
 
@@ -31,11 +32,32 @@ window.addEventListener("load", () => {
   });
   const out = document.createElement("pre");
   out.id = "measured";
+  out.hidden = true;  // what a reader sees is without it
   out.textContent = JSON.stringify({figures, wide: document.documentElement.scrollWidth > window.innerWidth + 1});
   document.body.appendChild(out);
 });
 </script>
 """
+
+
+@dataclass(frozen=True)
+class Look:
+    """A page as it was laid out and painted.
+
+    :param seen: figures with their words and sizes, and whether the page is too wide.
+    :param pixels: (height, width, 3), 0 to 255.
+    """
+
+    seen: dict
+    pixels: NDArray[np.uint8]
+
+    def count(self, red: int, green: int, blue: int) -> int:
+        """Pixels of this colour, each part within 30."""
+        near = np.ones(self.pixels.shape[:2], dtype=bool)
+        for k, part in enumerate((red, green, blue)):
+            plane = self.pixels[:, :, k]
+            near &= (plane > part - 30) & (plane < part + 30)
+        return int(near.sum())
 
 
 class Browser:
@@ -44,24 +66,22 @@ class Browser:
     def __init__(self, program: str, folder: Path):
         self._program, self._folder = program, folder
 
-    def measure(self, page: Path, width: int = 1280) -> dict:
-        """What the page looks like at that width: figures with their words and sizes, and whether it is too wide."""
-        copy = self._folder / f"measured-{width}.html"
+    def look(self, page: Path, width: int = 1280, height: int = 4000) -> Look:
+        """What the page looks like in a window of that size; layout and picture are of one load."""
+        from PIL import Image
+
+        copy, picture = self._folder / "looked-at.html", self._folder / "page.png"
         copy.write_text(page.read_text(encoding="utf-8").replace("</body>", _MEASURE + "</body>"), encoding="utf-8")
-        dom = self._run(copy, width, "--dump-dom")
-        found = re.search(r'<pre id="measured">(.*?)</pre>', dom, re.S)
+        picture.unlink(missing_ok=True)
+        dom = self._run(copy, f"--window-size={width},{height}", "--dump-dom", f"--screenshot={picture}")
+        found = re.search(r'<pre id="measured"[^>]*>(.*?)</pre>', dom, re.S)
         assert found is not None, dom[-2000:]
-        return json.loads(unescape(found.group(1)))
+        with Image.open(picture) as image:
+            pixels = np.asarray(image.convert("RGB"))
+        assert pixels.shape[:2] == (height, width)
+        return Look(json.loads(unescape(found.group(1))), pixels)
 
-    def screenshot(self, page: Path, width: int = 1280, height: int = 4000) -> NDArray[np.uint8]:
-        """The page as pixels (height, width, 3)."""
-        import matplotlib.image
-
-        picture = self._folder / "page.png"
-        self._run(page, width, f"--screenshot={picture}", height=height)
-        return (matplotlib.image.imread(picture)[:, :, :3] * 255).astype(np.uint8)
-
-    def _run(self, page: Path, width: int, *more: str, height: int = 4000) -> str:
+    def _run(self, page: Path, *more: str) -> str:
         words = [
             self._program,
             "--headless",
@@ -69,7 +89,6 @@ class Browser:
             "--disable-gpu",
             "--hide-scrollbars",
             f"--user-data-dir={self._folder / 'profile'}",
-            f"--window-size={width},{height}",
             "--virtual-time-budget=5000",
             *more,
             page.resolve().as_uri(),

@@ -155,6 +155,19 @@ def test_a_fault_at_the_bench_is_named_and_nothing_is_said_of_rates(board, accel
 
 
 @pytest.mark.usefixtures("few_rates")
+@pytest.mark.parametrize(
+    ("loose_at_s", "says"), [(4, "40 % of the returns of 10 ms are not felt"), (10, "10 of 20 cycles at 20 Hz are not felt")]
+)
+def test_landings_that_are_not_felt_are_counted(loose_at_s, says):
+    """The accelerometer comes off in contact mode, or in the slowest train."""
+    instruments = {"accelerometer": f"sim://accelerometer?loose_at_s={loose_at_s}"}
+    result = frequency.run(BenchOptions(port="sim://tactiles", seed=4, instruments=instruments))
+    assert [fault.what for fault in result.faults] == ["actuator_misses"]
+    assert result.faults[0].why.startswith(says)
+    assert not result.quantities
+
+
+@pytest.mark.usefixtures("few_rates")
 def test_an_interrupted_run_leaves_a_board_that_is_off_and_a_recording_that_opens(tmp_path):
     with Witness() as witness:
         options = witness.options(seed=2, record=tmp_path / "frequency.h5")

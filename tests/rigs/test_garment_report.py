@@ -19,9 +19,6 @@ from rigs.garments.report import page_of, warnings_of, write_report
 from rigs.garments.table import CASES, TableOptions, make_rows
 from rigs.reference import curve
 
-pytestmark = pytest.mark.slow
-
-
 # coarse meshes and much reinforcement: a few seconds
 QUICK = TableOptions(level="coarse", motions=("elbow_flexion", "elbow_extension"), coverage=0.96)
 
@@ -81,9 +78,9 @@ def test_pictures_are_in_the_file_and_nothing_is_fetched(page):
 
 @pytest.mark.parametrize("width", [1280, 480])
 def test_nothing_is_cut_off_in_a_browser(browser, page, width):
-    seen = browser.measure(page, width)
-    assert not seen["wide"]
-    pixels = browser.screenshot(page, width=width, height=3500)
+    looked = browser.look(page, width, height=3500)
+    assert not looked.seen["wide"]
+    pixels = looked.pixels
     ink = (pixels < 245).any(axis=2).any(axis=0)
     assert not ink[:4].any()  # a margin is left at both sides
     assert not ink[-4:].any()

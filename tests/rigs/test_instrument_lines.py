@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from rigs.instruments import InstrumentSilent, LoadCell, SampleStream, Stage, Thermocouple, stage, stream
+from rigs.coil_current import PulseRecord
+from rigs.instruments import Accelerometer, InstrumentSilent, LoadCell, SampleStream, Stage, Thermocouple, stage, stream
+from rigs.landings import MEASUREMENTS, set_up
 
 HEADER = b"# thermocouple rate_hz=10 resolution_k=0.0625 unit=degC\r\n"
 
@@ -96,3 +98,24 @@ def test_a_stage_that_speaks_something_else_is_quoted(listen):
 def test_the_wrong_instrument_is_quoted_too(listen):
     with pytest.raises(ValueError, match=r"is a loadcell \(it prints '# loadcell rate_hz=80'\); expected a thermocouple"):
         listen(b"# loadcell rate_hz=80\r\n")
+
+
+ACCELEROMETER = b"# accelerometer rate_hz=3200 range_g=16 g_per_count=0.00390625 bandwidth_hz=1600\r\n"
+
+
+def test_a_set_up_is_six_measurements_and_none_at_all_of_a_silent_accelerometer(listen):
+    pulses = PulseRecord.of([0], 10e-3, [(5_000_000, 3.6, 5.0)])
+    lines = b"".join(b"%d %d\r\n" % (number, 4095 if number == 9 else 2) for number in range(20) if number not in (3, 4))
+    found = set_up(listen(ACCELEROMETER + lines + b"20 open\r\n", Accelerometer), 0.01, pulses)
+    assert list(found) == [name for name in MEASUREMENTS if name != "landing_dip"]
+    values = {name: one.value for name, one in found.items()}
+    assert values == {
+        "noise_g": 0.01,
+        "sample_rate_hz": 3200.0,
+        "lost_share": pytest.approx(2 / 21),  # of 0 to 20; the last one came, though as a word
+        "clipped": 1.0,
+        "supply_v": 5.0,
+        "current_a": 3.6,
+    }
+    with pytest.raises(InstrumentSilent, match="it identifies itself, but prints no sample"):
+        set_up(listen(ACCELEROMETER, Accelerometer), 0.01, pulses)

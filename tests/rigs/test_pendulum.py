@@ -152,6 +152,20 @@ def test_a_fault_at_the_bench_is_named_and_nothing_is_fitted(board, acceleromete
 
 
 @pytest.mark.usefixtures("few_landings")
+def test_returns_that_are_not_felt_are_counted():
+    """The accelerometer comes off when seven of ten returns have landed: loud ones are as loud as ever."""
+    instruments = {"accelerometer": "sim://accelerometer?loose_at_s=6"}
+    result = pendulum.run(BenchOptions(port="sim://tactiles?surface=foam", seed=4, instruments=instruments))
+    assert [fault.what for fault in result.faults] == ["actuator_misses"]
+    assert result.faults[0].why.startswith("3 of 10 returns of the pin are not felt")
+    assert not result.quantities
+    felt = {one.measurement.name: one for one in result.measured}
+    assert felt["landings"].value == pytest.approx(0.7)
+    assert not felt["landings"].within
+    assert felt["max_g"].within
+
+
+@pytest.mark.usefixtures("few_landings")
 def test_a_few_lost_samples_do_no_harm():
     with Witness("surface=bare") as witness:
         instruments = {"accelerometer": "sim://accelerometer?drop=0.004"}

@@ -253,6 +253,14 @@ def test_a_fault_at_the_bench_is_named_and_nothing_is_fitted(board, instruments,
     assert result.reduced_chi2 is None
 
 
+@pytest.mark.usefixtures("few_steps")
+def test_a_tip_that_loses_contact_within_a_charge_is_told_from_one_that_is_elsewhere():
+    """For less than half of the last charge: its volts are right while they are seen."""
+    result = supply.run(BenchOptions(seed=4, instruments={"probe": "sim://probe?loose_at_s=0.96"}))
+    assert [fault.what for fault in result.faults] == ["probe_loose"]
+    assert "come and go at 1500 V" in result.faults[0].why
+
+
 def test_an_output_without_a_brake_is_named_though_others_have_one():
     result = supply.run(BenchOptions(port="sim://brake?fitted=1", channel=1))
     assert [fault.what for fault in result.faults] == ["no_brake"]

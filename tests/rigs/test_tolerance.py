@@ -279,8 +279,6 @@ def test_the_result_is_the_same_whoever_computes_it(monkeypatch: pytest.MonkeyPa
         assert tolerance_study(9, 7, executor=executor, progress=told.append) == alone
     assert told[-1] == "9 of 9 devices"
     assert len(told) == 5
-    with process_pool(1) as executor:
-        assert tolerance_study(9, 7, executor=executor) == alone
     with ThreadPoolExecutor(3) as executor:
         assert tolerance_study(9, 7, executor=executor) == alone
     assert here(9, seed=8) != alone

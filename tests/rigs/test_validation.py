@@ -7,7 +7,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import numpy as np
 import pytest
 import shorter
 import typer
@@ -41,7 +40,7 @@ def validated(tmp_path_factory) -> tuple[dict, Path]:
     command = typer.Typer()
     command.command()(validate_command)
     with pytest.MonkeyPatch.context() as patch:
-        for shorten in (shorter.thermal, shorter.pendulum, shorter.frequency, shorter.supply):
+        for shorten in (shorter.thermal, shorter.pendulum, shorter.frequency, shorter.response, shorter.supply):
             shorten(patch.setattr)
         shorter.pull(patch.setattr, (0.0, 250.0, 500.0, 1000.0, 1500.0))
         patch.setattr(sys.modules[Validation.__module__], "run_jobs", in_this_process)
@@ -98,15 +97,14 @@ def test_the_judge_agrees_with_every_circuit(validated):
 
 def test_the_page_has_every_rigs_curves_with_units_readable_in_a_browser(validated, browser):
     _, out = validated
-    seen = browser.measure(out / "validation.html")
-    assert len(seen["figures"]) >= 2 * len(RIGS)
-    for figure in seen["figures"]:
+    page = browser.look(out / "validation.html", height=12_000)
+    assert len(page.seen["figures"]) >= 2 * len(RIGS)
+    for figure in page.seen["figures"]:
         assert not figure["outside"]
         assert sum("(" in word and word.endswith(")") for word in figure["words"]) >= 2, figure["words"]  # both axes have a unit
-    assert not seen["wide"]
-    pixels = browser.screenshot(out / "validation.html", height=12_000).reshape(-1, 3).astype(int)
+    assert not page.seen["wide"]
     for colour in ((0, 114, 178), (213, 94, 0), (0, 158, 115)):  # measured, fit, published
-        assert (np.abs(pixels - np.array(colour)).max(axis=1) < 30).sum() > 500
+        assert page.count(*colour) > 500
 
 
 def test_a_number_that_differs_without_a_contradiction_fails():

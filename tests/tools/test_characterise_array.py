@@ -55,6 +55,8 @@ def calibrated(tmp_path_factory) -> Path:
     ]
     with pytest.MonkeyPatch.context() as patched, contextlib.redirect_stdout(out):
         patched.setattr("sys.argv", [str(word) for word in words])
+        patched.setattr("rigs.thermal.rig.HEAT_S", 180.0)
+        patched.setattr("rigs.thermal.rig.COOL_S", 120.0)
         patched.setattr("rigs.characterize.ProcessPoolExecutor", lambda mp_context: ThreadPoolExecutor(1))
         with pytest.raises(SystemExit) as stop:
             tool().main()

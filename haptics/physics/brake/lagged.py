@@ -63,6 +63,7 @@ class LaggedBrakes(BrakeBase):
         self._sampled_v = [0.0] * system.outputs
         self._every = max(1, round(CAPACITANCE_EVERY_S / self._step_s))
         self._still_v = 1.0 / self._tables[0].per_volt
+        self._off_n = [table.off_n for table in self._tables]
         self._series_n_m = series_stiffness_n_m(system.finger)
         tau_on_s, tau_off_s = system.contact.tau_on_s, system.contact.tau_off_s
         self._tau_on_s, self._tau_off_s = tau_on_s, tau_off_s
@@ -119,7 +120,10 @@ class LaggedBrakes(BrakeBase):
         """Let capacities follow the volts sampled, and tensions the hands, up to the grid point reached."""
         capacity_n, still_v = self._capacity_n, self._still_v
         for k, volts in enumerate(self._sampled_v):
-            before_n, table = capacity_n[k], self._tables[k]
+            before_n = capacity_n[k]
+            if volts == 0.0 and before_n == self._off_n[k]:
+                continue
+            table = self._tables[k]
             target_n = table.off_n if -still_v < volts < still_v else table.force_n(abs(volts), self._share[k])
             if target_n == before_n:
                 continue
