@@ -57,6 +57,7 @@ if TYPE_CHECKING:
         GloveState as GloveState,
         GloveTelemetry as GloveTelemetry,
     )
+    from haptics.session.peer_clock import PeerClock as PeerClock
     from haptics.session.plant_truth import PlantTruth as PlantTruth
     from haptics.session.session import Session as Session
 
@@ -103,6 +104,7 @@ _ROOMS = {
     "haptics.session.configuration": ("Configuration", "load_configuration"),
     "haptics.session.glove": ("Glove", "open"),
     "haptics.session.glove_state": ("GloveIdentity", "GloveState", "GloveTelemetry"),
+    "haptics.session.peer_clock": ("PeerClock",),
     "haptics.session.plant_truth": ("PlantTruth",),
     "haptics.session.session": ("Session",),
 }

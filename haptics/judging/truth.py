@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,13 +28,22 @@ class Truth:
     :param switches: (coil channels,), how often each coil was switched.
     """
 
-    pins: list[tuple[int, int, str]] = field(default_factory=list)
-    pin_speeds_m_s: list[float] = field(default_factory=list)
-    brakes: list[tuple[int, int, str]] = field(default_factory=list)
-    forces_n: list[tuple[int, tuple[float, ...]]] = field(default_factory=list)
+    pins: deque[tuple[int, int, str]] = field(default_factory=deque)
+    pin_speeds_m_s: deque[float] = field(default_factory=deque)
+    brakes: deque[tuple[int, int, str]] = field(default_factory=deque)
+    forces_n: deque[tuple[int, tuple[float, ...]]] = field(default_factory=deque)
     latched: list[str] = field(default_factory=list)
     peak_rise_k: NDArray[np.float64] = field(default_factory=lambda: np.zeros(COIL_CHANNELS))
     peak_volts: NDArray[np.float64] = field(default_factory=lambda: np.zeros(BRAKE_CHANNELS))
     peak_force_n: NDArray[np.float64] = field(default_factory=lambda: np.zeros(BRAKE_CHANNELS))
     energy_j: NDArray[np.float64] = field(default_factory=lambda: np.zeros(BRAKE_CHANNELS))
     switches: NDArray[np.int64] = field(default_factory=lambda: np.zeros(COIL_CHANNELS, dtype=int))
+
+    @classmethod
+    def keeping(cls, kept: int | None) -> Truth:
+        """Nothing gathered yet.
+
+        :param kept: of ``pins``, ``brakes`` and ``forces_n`` the last so many stay; None: all.
+        :return: the truth, to gather in.
+        """
+        return cls(*(deque[Any](maxlen=kept) for _ in range(4)))

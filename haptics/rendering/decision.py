@@ -118,7 +118,7 @@ class TouchDecider:
     :param radius_m: of the sites' spheres, (n,), metres, 0 or more.
     :param lead_ns: from sending the command until the device has acted, 0 or more.
     :param release_lead_ns: the same for its return; None: as ``lead_ns``.
-    :param stale_ns: a plan dies when its pose is older than this.
+    :param stale_ns: a plan dies when its pose is older than this, or arrived longer ago.
     :param decision: constants of the rule; None: as shipped.
     :param prediction: constants of the forecast; None: as shipped.
     :raises InputError: a negative radius or lead.
@@ -197,7 +197,7 @@ class TouchDecider:
         earliest_s = max(now_ns + self.lead_ns - time_ns, 0) / NS_PER_S
         if now_ns - time_ns > self._stale_ns or earliest_s >= self._p.horizon_s:
             return
-        self._dies_ns = time_ns + self._stale_ns
+        self._dies_ns = min(time_ns, now_ns) + self._stale_ns
         leaves_s = min((now_ns + self.release_lead_ns - time_ns) / NS_PER_S, self._p.horizon_s)
         ahead_s = np.concatenate([(0.0, leaves_s), np.arange(earliest_s, self._p.horizon_s, STEP_S)])
         rows, columns, distance_m = self._near(forecast, ahead_s)

@@ -16,6 +16,7 @@ EventKind = Literal[
     "clutch_off",
     "pose_refused",
     "handedness",  # a hand's label contradicts its shape
+    "clock_jump",  # the clock of the poses was set
     "watchdog",  # poses stopped: everything off
     "resumed",  # poses came again
     "overrun",  # ticked too rarely

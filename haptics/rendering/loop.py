@@ -30,7 +30,7 @@ from haptics.time import NS_PER_MS, NS_PER_S
 STALE_NS = 50 * NS_PER_MS
 """A pose older than this is no longer predicted from."""
 LOST_NS = 100 * NS_PER_MS
-"""Without a pose for this long, everything goes off."""
+"""Where no pose has arrived for this long, everything goes off, whatever time the last one claimed to be of."""
 PATTERN_LEAD_NS = 4 * NS_PER_MS
 """A pattern's pulses are handed on this long ahead: the command lead and a tick."""
 
@@ -100,7 +100,7 @@ class RenderLoop:
         self._pace = PaceWatch(tick_ns)
         self._gate = PoseGate(side)
         self._followed: tuple[str, int] | None = None
-        self._pose_ns: int | None = None
+        self._heard_ns: int | None = None  # when the last pose that was accepted arrived
         self._quiet = False
         self._absent = False  # no pose since the devices were armed anew, or the hand has gone: nothing is felt without one
         self._left_out: list[str] = []
@@ -121,7 +121,7 @@ class RenderLoop:
         :param now_ns: when the devices were armed.
         """
         self._forget(now_ns)
-        self._pose_ns, self._absent = None, True
+        self._heard_ns, self._absent = None, True
         if self.tactiles is not None:
             self._left_out = [site for site, out in zip(self.tactiles.sites, self.tactiles.pins_out(), strict=True) if out]
 
@@ -145,7 +145,7 @@ class RenderLoop:
         if (frame.side, frame.track_id) != self._followed:
             self._followed = (frame.side, frame.track_id)
             self._note_handedness(frame, now_ns)
-        self._pose_ns, self._absent = frame.time_ns, False
+        self._heard_ns, self._absent = now_ns, False
         if self._left_out and self.tactiles is not None:
             for site in self._left_out:
                 self.tactiles.release(site, now_ns)
@@ -183,7 +183,7 @@ class RenderLoop:
         """
         self._let_go(now_ns)
         self._gate.forget()
-        self._pose_ns, self._absent = None, True
+        self._heard_ns, self._absent = None, True
 
     # Ticks ----------------------------------------------------------------------------------------------------------
 
@@ -195,7 +195,7 @@ class RenderLoop:
         slow = self._pace.observe(now_ns, 0 if self.tactiles is None else self.tactiles.overdue)
         if slow is not None:
             self._events.append(LoopEvent(now_ns, "overrun", "", "", slow))
-        if self._pose_ns is not None and not self._quiet and now_ns - self._pose_ns > LOST_NS:
+        if self._heard_ns is not None and not self._quiet and now_ns - self._heard_ns > LOST_NS:
             self._go_quiet(now_ns)
         if self._touchable and not self._quiet:
             for name, decided in self._touch_ahead.due(now_ns):
@@ -255,7 +255,7 @@ class RenderLoop:
 
     def _go_quiet(self, now_ns: int) -> None:
         self._quiet = True
-        age_ms = (now_ns - self._pose_ns) / NS_PER_MS if self._pose_ns is not None else 0
+        age_ms = (now_ns - self._heard_ns) / NS_PER_MS if self._heard_ns is not None else 0
         self._events.append(LoopEvent(now_ns, "watchdog", "", "", f"no pose for {age_ms:.0f} ms; everything off"))
         self._let_go(now_ns)
 

@@ -438,7 +438,7 @@ def observe(
                 act_ns = max(touch_ns - k.lead_ns, held.turned_ns[row, site] + k.dwell_ns)
                 held.act_ns[row, site], held.aimed_ns[row, site] = act_ns, act_ns + k.lead_ns
                 next_ns = min(next_ns, act_ns)
-    return True, ended, next_ns, time_ns + k.stale_ns
+    return True, ended, next_ns, min(time_ns, now_ns) + k.stale_ns
 
 
 @njit(cache=True, error_model="numpy")

@@ -207,7 +207,7 @@ def _play(
     options: RunOptions,
 ) -> tuple[Session, int, int, int | None]:
     tick_ns = NS_PER_S // configuration.tick_hz
-    session = Session(scene, glove, configuration, recorder)
+    session = Session(scene, glove, configuration, recorder, kept=None)
     gc.collect()
     gc.freeze()
     glove.arm()

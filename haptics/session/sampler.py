@@ -15,6 +15,8 @@ from haptics.time import NS_PER_MS
 
 SAMPLE_NS = 10 * NS_PER_MS
 """The devices are sampled this often."""
+KEPT = 1000
+"""How many results, events and samples a session remembers: it may last for days."""
 
 
 class Sampler:
@@ -22,15 +24,16 @@ class Sampler:
 
     :param devices: what is looked at.
     :param recorder: takes a row of each sample, or None.
+    :param kept: how much of what happened one after the other ``truth`` holds; None: all.
 
     :ivar truth: what the simulated plants did since this was made; empty on hardware.
     """
 
-    def __init__(self, devices: Devices, recorder: Recorder | None):
+    def __init__(self, devices: Devices, recorder: Recorder | None, kept: int | None = KEPT):
         self._devices, self._recorder = devices, recorder
         self._array_plant, self._brake_plant = devices.plant("tactiles"), devices.plant("brake")
         self._due_ns = 0
-        self.truth = Truth()
+        self.truth = Truth.keeping(kept)
 
     def due(self, now_ns: int) -> None:
         """Sample, if the last sample is ``SAMPLE_NS`` old.

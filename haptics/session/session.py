@@ -6,8 +6,10 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
+from dataclasses import replace
 
 from haptics.devices import Result
 from haptics.devices.pace import COMMAND_LEAD_NS
@@ -25,11 +27,12 @@ from haptics.scene.sites import SITES, nominal_sites
 from haptics.session.configuration import Configuration
 from haptics.session.devices import Devices
 from haptics.session.glove import Glove
+from haptics.session.peer_clock import PeerClock
 from haptics.session.plant_truth import PlantTruth
 from haptics.session.recorder import Recorder
-from haptics.session.sampler import Sampler
+from haptics.session.sampler import KEPT, Sampler
 from haptics.time import LATEST_NS, NS_PER_S
-from haptics.units import an_instance, whole_number
+from haptics.units import a_callable, an_instance, whole_number
 
 
 def device_leads(configuration: Configuration, scene: Scene) -> Leads:
@@ -65,12 +68,15 @@ class Session:
     :param glove: open; from ``haptics.open``, or bare ``Devices``. A new session takes the place of one that is on it.
     :param configuration: of the brake's volts, the loop's rate and the hand's side; the glove's own if None.
     :param recorder: takes rows; that of the glove's recording if None and there is one.
+    :param peer: clock that poses have their times on; the glove's own if None.
+    :param kept: how many results and events, and how much of the plants' truth, the session remembers, 1 or more; None: all of
+        it, for a session of known length. :meth:`subscribe` and a recording get all of them in any case.
     :raises InputError: something else in place of these, here or in a call; a scene with an object
         that has no place, or with brakes that the glove does not have.
 
-    :ivar results: what became of every touch and pulse that the scene asked for.
-    :ivar brake_results: what became of every brake and piezo, likewise.
-    :ivar events: touches, grasps, refused poses and the like, in order.
+    :ivar results: what became of the last touches and pulses that the scene asked for.
+    :ivar brake_results: what became of the last brakes and piezos, likewise.
+    :ivar events: the last touches, grasps, refused poses and the like, in order.
     :ivar truth: what simulated plants did; empty on hardware.
     :ivar leads: how long before a touch each device is driven.
     """
@@ -81,6 +87,8 @@ class Session:
         glove: Glove | Devices,
         configuration: Configuration | None = None,
         recorder: Recorder | None = None,
+        peer: PeerClock | None = None,
+        kept: int | None = KEPT,
     ):
         an_instance("scene", scene, Scene, "from haptics.load_scene")
         if not isinstance(glove, Devices):
@@ -96,11 +104,17 @@ class Session:
         elif recorder is not None:
             an_instance("recorder", recorder, Recorder, "on a journal, or None")
             self.devices.on_event(recorder.link_event)
+        if peer is not None:
+            an_instance("peer", peer, PeerClock, "or None where poses have the glove's time")
+        self._peer, self._jumps = peer, 0
         self._check_scene(scene)
         self.scene, self.recorder = scene, recorder
-        self.results: list[Result] = []
-        self.brake_results: list[Result] = []
-        self.events: list[LoopEvent] = []
+        if kept is not None:
+            whole_number("kept", kept, 1, 10**9)
+        self.results: deque[Result] = deque(maxlen=kept)
+        self.brake_results: deque[Result] = deque(maxlen=kept)
+        self.events: deque[LoopEvent] = deque(maxlen=kept)
+        self._sinks: list[Callable[[Result | LoopEvent], None]] = []
         self.leads = device_leads(configuration, scene)
         devices = self.devices
         max_v = math.inf if devices.brakes is None else devices.brakes.max_amplitude_v
@@ -118,7 +132,7 @@ class Session:
         self._times_armed = devices.times_armed
         self._last_ns = 0
         self.begun = False
-        self._sampler = Sampler(devices, recorder)
+        self._sampler = Sampler(devices, recorder, kept)
         self.truth = self._sampler.truth
         self._turn: Callable[[], AbstractContextManager[object]] = nullcontext
         if isinstance(glove, Glove):
@@ -156,7 +170,7 @@ class Session:
     def submit(self, frame: HandFrame, now_ns: int | None = None) -> str | None:
         """Hand in a pose. Waits at most for a tick that is under way.
 
-        :param frame: its time on the glove's clock (``glove.now_ns()``), ns.
+        :param frame: its time on the glove's clock (``glove.now_ns()``), or on the peer's if the session has one, ns.
         :param now_ns: when it arrived, likewise; now if None.
         :return: why it was refused, in words, or None.
         :raises InputError: no ``HandFrame`` at all.
@@ -165,10 +179,23 @@ class Session:
         now_ns = self._time("now_ns", now_ns)
         with self._turn():
             self._watch_arming(now_ns)
+            if self._peer is not None and ill_formed(frame) is None:
+                if not self._peer.known:
+                    reason = "clock: there was no exchange with the peer's clock yet"
+                    self._happened(LoopEvent(now_ns, "pose_refused", frame.side, "", reason))
+                    return reason
+                frame = self._on_our_clock(frame, self._peer, now_ns)
             reason = self.loop.submit(frame, now_ns)
             if self.recorder is not None and ill_formed(frame) is None:  # what has no row in the recording is an event there
                 self.recorder.pose(now_ns, frame, reason is None)
             return reason
+
+    def _on_our_clock(self, frame: HandFrame, peer: PeerClock, now_ns: int) -> HandFrame:
+        if peer.jumps != self._jumps:
+            self._jumps = peer.jumps
+            self._happened(LoopEvent(now_ns, "clock_jump", "", "", "the clock of the poses jumped; it is followed anew"))
+            self.loop.hand_gone(now_ns)  # times after it do not go on from those before
+        return replace(frame, time_ns=peer.to_host_ns(frame.time_ns))
 
     def hand_gone(self, now_ns: int | None = None) -> None:
         """The tracker reports that there is no hand any more: everything is let go of.
@@ -231,20 +258,20 @@ class Session:
         if array is not None:
             for result in array.take_results():
                 self.results.append(result)
+                self._hand_on(result)
                 if self.recorder is not None:
                     self.recorder.request(now_ns, result)
         if brakes is not None:
             refusals, results = brakes.take_answers()
-            self.brake_results += results
-            if self.recorder is not None:
-                for result in results:
+            for result in results:
+                self.brake_results.append(result)
+                self._hand_on(result)
+                if self.recorder is not None:
                     self.recorder.brake_request(now_ns, result)
             for refusal in refusals:
-                self.events.append(LoopEvent(now_ns, "derated", refusal.command, "", refusal.reason))
-                self._note(self.events[-1])
+                self._happened(LoopEvent(now_ns, "derated", refusal.command, "", refusal.reason))
         for event in self.loop.take_events():
-            self.events.append(event)
-            self._note(event)
+            self._happened(event)
         if last:
             self._sampler.sample(now_ns)
         else:
@@ -252,9 +279,24 @@ class Session:
         if self.recorder is not None:
             self.recorder.acknowledge(now_ns)
 
-    def _note(self, event: LoopEvent) -> None:
+    def _happened(self, event: LoopEvent) -> None:
+        self.events.append(event)
+        self._hand_on(event)
         if self.recorder is not None:
             self.recorder.event(event.time_ns, event.kind, event.subject, event.object, event.detail)
+
+    def subscribe(self, sink: Callable[[Result | LoopEvent], None]) -> None:
+        """Hand on every result and event, when it becomes known.
+
+        :param sink: called within a tick, so it must be quick; what it raises ends the tick, and in real time the glove goes off.
+        :raises InputError: it cannot be called.
+        """
+        a_callable("sink", sink, "a result or an event")
+        self._sinks.append(sink)
+
+    def _hand_on(self, one: Result | LoopEvent) -> None:
+        for sink in self._sinks:
+            sink(one)
 
     def plants(self) -> PlantTruth | None:
         """What the simulated plants are now.

@@ -145,6 +145,23 @@ def test_a_plan_dies_with_its_pose():
         assert bool(decider.due(touch_ns + NS_PER_MS // 2)) is met
 
 
+def test_a_plan_dies_so_long_after_its_pose_arrived_whatever_time_that_claims_to_be_of():
+    """A pose of 40 ms ahead, of a site that touches 52 ms after that moment."""
+    touch_ns, exact = NS_PER_S // 2, PredictionParameters(damping_per_s=0.0, noise_m=0.0)
+    for make in (BodyDecider, plain_wall):
+        decider = make([WALL], [0.007], 0, prediction=exact)
+        for number in range(12, -1, -1):
+            time_ns = touch_ns - 52 * NS_PER_MS - number * FRAME_NS
+            now_ns = time_ns - 40 * NS_PER_MS
+            decider.observe(time_ns, [[0.007 + (touch_ns - time_ns) / NS_PER_S, 0.0, 0.0]], now_ns)
+        assert decider.due(now_ns + 55 * NS_PER_MS) == []
+        assert decider.due(touch_ns + NS_PER_MS) == []
+
+
+def plain_wall(bodies, *arguments, **more):
+    return TouchDecider([body.distance for body in bodies], *arguments, **more)
+
+
 def test_a_pose_that_comes_too_old_decides_nothing():
     for age_ms, met in ((49, True), (51, False)):
         decider = BodyDecider([WALL], [0.007], 0)

@@ -75,13 +75,29 @@ def test_without_poses_everything_goes_off_after_a_tenth_of_a_second(playground)
     last_pose_ms = (playground.frames[playground.fed - 1].time_ns - playground.start_ns) / NS_PER_MS
     playground.run(last_pose_ms + 99, poses=False)
     assert playground.glove.brakes.engaged()
-    playground.run(last_pose_ms + 102, poses=False)
+    playground.run(last_pose_ms + 112, poses=False)
     assert playground.glove.brakes.engaged() == {}
     playground.run(last_pose_ms + 300, poses=False)
     assert not any(playground.glove.tactiles.pins_out())
     truth = playground.glove.plant("brake").truth()
     assert max(abs(v) for v in truth["volts"]) < 60
     assert set(playground.glove.plant("tactiles").truth()["latched"]) == {"off"}
+
+
+@pytest.mark.parametrize("ahead_ms", [-100, 0, 49])
+def test_the_watchdog_goes_by_arrival_whatever_time_poses_claim_to_be_of(playground, ahead_ms):
+    """Poses with the clock of a peer that is off; the last one arrives at 1.5 s."""
+    playground.frames = [replace(f, time_ns=f.time_ns + ahead_ms * NS_PER_MS) for f in playground.frames]
+    arrived_ms = 0.0
+    for number, frame in enumerate(playground.frames[:165]):
+        arrived_ms = 10 + 9.09 * number
+        playground.run(arrived_ms, poses=False)
+        playground.session.submit(frame, playground.glove.now_ns())
+    playground.run(arrived_ms + 99, poses=False)
+    assert "watchdog" not in playground.kinds()
+    playground.run(arrived_ms + 103, poses=False)
+    assert "watchdog" in playground.kinds()
+    assert playground.glove.brakes.engaged() == {}
 
 
 def test_after_the_watchdog_nothing_comes_back_while_the_hand_still_touches(playground):

@@ -17,8 +17,8 @@ FACE = [
     "BASES", "Basis", "BoardName", "BoardState", "BrakeLimits", "BrakeTelemetry", "ClockUncertain", "CommandRefused",
     "Configuration", "DamagedFile", "DeadManMissed", "EventKind", "Glove", "GloveEnded", "GloveIdentity", "GloveState",
     "GloveTelemetry", "HandFrame", "HandRecording", "HapticsError", "Identity", "InputError", "JOINTS", "LimitError",
-    "LinkError", "LinkLost", "LoopEvent", "NotABoard", "PlantTruth", "PortBusy", "PortMissing", "Reason", "Recording",
-    "ReplyTimeout", "Result", "ResultKind", "SIDES", "SITES", "Scene", "Session", "Side", "TactilesLimits",
+    "LinkError", "LinkLost", "LoopEvent", "NotABoard", "PeerClock", "PlantTruth", "PortBusy", "PortMissing", "Reason",
+    "Recording", "ReplyTimeout", "Result", "ResultKind", "SIDES", "SITES", "Scene", "Session", "Side", "TactilesLimits",
     "TactilesTelemetry", "WrongFirmware", "__version__", "load_configuration", "load_hand", "load_recording",
     "load_scene", "open", "shipped_hands", "shipped_scenes",
 ]  # fmt: skip

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -215,3 +216,40 @@ def test_a_session_ends_and_truth_is_there_though_the_boards_missed_their_host(m
             assert glove.state().armed == ()
     finally:
         glove.close()
+
+
+def test_a_session_remembers_the_last_of_what_happened_and_hands_on_all_of_it():
+    recording = haptics.load_hand("synthetic")
+    heard = []
+    with haptics.open(clock="virtual") as glove:
+        glove.arm()
+        session = haptics.Session(haptics.load_scene("playground").placed_for(recording), glove, kept=3)
+        session.subscribe(heard.append)
+        session.begin()
+        start_ns = glove.now_ns()
+        for frame in list(recording.frames("right"))[:250]:
+            while glove.now_ns() < start_ns + frame.time_ns + 10_000_000:
+                session.tick(glove.now_ns() + 1_000_000)
+            session.submit(replace(frame, time_ns=start_ns + frame.time_ns))
+        session.end()
+    events = [one for one in heard if isinstance(one, haptics.LoopEvent)]
+    results = [one for one in heard if isinstance(one, haptics.Result)]
+    assert "grasp_begin" in [event.kind for event in events[:-3]]
+    assert list(session.events) == events[-3:]
+    assert list(session.results) == [one for one in results if one.kind not in ("brake", "piezo")][-3:]
+    assert list(session.brake_results) == [one for one in results if one.kind in ("brake", "piezo")][-3:]
+    assert len(session.truth.forces_n) == 3
+    assert session.truth.peak_force_n.max() > 5
+
+
+@pytest.mark.parametrize("kept", [0, -1, 1.5, True, "all"])
+def test_how_much_a_session_remembers_is_checked(kept):
+    with haptics.open(clock="virtual") as glove, pytest.raises(haptics.InputError, match="kept"):
+        haptics.Session(haptics.load_scene("desk").placed((0.0, 0.0, 0.0)), glove, kept=kept)
+
+
+def test_a_sink_that_cannot_be_called_is_refused():
+    with haptics.open(clock="virtual") as glove:
+        session = haptics.Session(haptics.load_scene("desk").placed((0.0, 0.0, 0.0)), glove)
+        with pytest.raises(haptics.InputError, match="sink = 3 cannot be called"):
+            session.subscribe(3)

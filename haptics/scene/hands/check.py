@@ -89,18 +89,19 @@ def check_frame(frame: HandFrame, previous: HandFrame | None) -> str | None:
     return jump_between(previous, frame)
 
 
-def jump_between(previous: HandFrame, frame: HandFrame) -> str | None:
+def jump_between(previous: HandFrame, frame: HandFrame, min_ns: int = 1) -> str | None:
     """Check the speed of every joint between two frames.
 
     :param previous: the earlier frame.
     :param frame: the later one.
+    :param min_ns: frames that are nearer in time are taken to be this far apart, ns, at least 1.
     :return: which joint moved faster than ``FASTEST_M_S``, in words; None if none did, or if they are of different tracks.
     """
     if frame.track_id == previous.track_id and frame.side == previous.side:
         step = frame.position_m - previous.position_m
         moved_m2 = np.vecdot(step, step)
         joint = int(moved_m2.argmax())
-        speed_m_s = math.sqrt(moved_m2[joint]) * NS_PER_S / (frame.time_ns - previous.time_ns)
+        speed_m_s = math.sqrt(moved_m2[joint]) * NS_PER_S / max(frame.time_ns - previous.time_ns, min_ns)
         if speed_m_s > FASTEST_M_S:
             return f"{JOINTS[joint]} jumped at {speed_m_s:.3g} m/s; allowed: up to {FASTEST_M_S:g} m/s"
     return None

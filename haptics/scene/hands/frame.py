@@ -24,14 +24,13 @@ from haptics.units import one_of
 class HandFrame:
     """One hand at one moment.
 
-    :param time_ns: when the pose was sampled.
+    :param time_ns: the moment the pose is of: when it was sampled, or what the engine predicted it for.
     :param side: ``left`` or ``right``.
     :param track_id: the same number as long as the tracker held the same hand without a break.
     :param position_m: (26, 3), metres.
     :param orientation_xyzw: (26, 4), unit quaternions.
     :param valid: whether the tracker vouches for the pose.
     :param radius_m: (26,), half the hand's thickness at each joint.
-    :param display_time_ns: the moment a tracker predicted the pose for, where that is not the sample time.
     """
 
     time_ns: int
@@ -41,7 +40,6 @@ class HandFrame:
     orientation_xyzw: Floats
     valid: bool = True
     radius_m: Floats = field(default_factory=lambda: NOMINAL_RADIUS_M)
-    display_time_ns: int | None = None
 
     @classmethod
     def from_joints(

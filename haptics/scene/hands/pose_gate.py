@@ -20,6 +20,10 @@ from haptics.time import NS_PER_MS, NS_PER_S
 
 FUTURE_NS = 50 * NS_PER_MS
 """A pose may be stamped this far ahead of its arrival, as one predicted for display is; farther ahead its clock is another."""
+PAST_NS = 250 * NS_PER_MS
+"""What is older than this when it arrives shows no hand that is there: the line is too slow, or its clock is another."""
+BUNCHED_NS = 4 * NS_PER_MS
+"""Poses that arrive with times nearer than this are taken to be so far apart: stamped when they were sent, they bunch up."""
 FORGOTTEN_NS = 100 * NS_PER_MS
 """After this long without a pose of the hand that was followed, the other hand may be."""
 
@@ -63,12 +67,17 @@ class PoseGate:
             self.starts_anew = last is not None
             self._before, self._last, self._doubted = None, frame, None
             return None
-        jump = jump_between(last, frame)
+        min_ns = 1 if now_ns is None else BUNCHED_NS
+        jump = jump_between(last, frame, min_ns)
         if jump is None:
             self._before, self._last, self._doubted = last, frame, None
             return None
         doubted, before = self._doubted, self._before
-        if doubted is not None and _go_together(doubted, frame) and (before is None or _go_together(before, doubted)):
+        if (
+            doubted is not None
+            and _go_together(doubted, frame, min_ns)
+            and (before is None or _go_together(before, doubted, min_ns))
+        ):
             self.starts_anew, self.overturned = True, last
             self._before, self._last, self._doubted = doubted, frame, None
             return None
@@ -78,7 +87,10 @@ class PoseGate:
     def _untimely(self, frame: HandFrame, now_ns: int | None) -> str | None:
         if now_ns is not None and frame.time_ns > now_ns + FUTURE_NS:
             ahead_s = (frame.time_ns - now_ns) / NS_PER_S
-            return f"its time lies {ahead_s:.6g} s ahead of its arrival; allowed: up to {FUTURE_NS / NS_PER_S:g} s"
+            return f"clock: its time lies {ahead_s:.6g} s ahead of its arrival, more than {FUTURE_NS / NS_PER_S:g} s"
+        if now_ns is not None and frame.time_ns < now_ns - PAST_NS:
+            behind_s = (now_ns - frame.time_ns) / NS_PER_S
+            return f"clock: its time lies {behind_s:.6g} s behind its arrival, more than {PAST_NS / NS_PER_S:g} s"
         if self._last is not None and frame.time_ns <= self._last.time_ns:
             return f"its time {frame.time_ns} ns does not follow {self._last.time_ns} ns"
         return None
@@ -92,5 +104,5 @@ class PoseGate:
         return None
 
 
-def _go_together(earlier: HandFrame, later: HandFrame) -> bool:
-    return later.time_ns > earlier.time_ns and jump_between(earlier, later) is None
+def _go_together(earlier: HandFrame, later: HandFrame, min_ns: int) -> bool:
+    return later.time_ns > earlier.time_ns and jump_between(earlier, later, min_ns) is None

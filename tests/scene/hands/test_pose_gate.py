@@ -61,10 +61,26 @@ def test_two_wrong_poses_that_disagree_do_not_speak_for_each_other():
 def test_a_pose_from_the_future_is_refused_and_shuts_out_nothing():
     gate = PoseGate()
     assert gate.judge(pose(0), 10 * MS) is None
-    assert "lies 3600 s ahead of its arrival; allowed: up to 0.05 s" in str(gate.judge(pose(3_600_019), 19 * MS))
+    assert "clock: its time lies 3600 s ahead of its arrival, more than 0.05 s" in str(gate.judge(pose(3_600_019), 19 * MS))
     assert "lies 0.051 s ahead" in str(gate.judge(pose(70), 19 * MS))
     assert gate.judge(pose(18), 28 * MS) is None
     assert gate.judge(pose(77), 28 * MS) is None  # predicted for display, 49 ms ahead
+
+
+def test_a_pose_that_is_too_old_to_show_anything_is_refused_with_the_clock_for_a_reason():
+    gate = PoseGate()
+    assert gate.judge(pose(0), 250 * MS) is None
+    assert "clock: its time lies 2.7 s behind its arrival, more than 0.25 s" in str(gate.judge(pose(9), 2709 * MS))
+
+
+def test_poses_stamped_when_they_were_sent_may_bunch_up_and_one_that_jumps_may_not():
+    """Sampled at 1 kHz from a hand at 2 m/s, stamped up to 0.9 ms early or late."""
+    rng = np.random.default_rng(1)
+    gate, last_ms = PoseGate(), -1.0
+    for ms in range(300):
+        last_ms = max(ms + rng.uniform(-0.9, 0.9), last_ms + 1e-3)
+        assert gate.judge(pose(last_ms, 2e-3 * ms), round(last_ms * MS)) is None
+    assert "jumped" in str(gate.judge(pose(last_ms + 0.1, 2e-3 * 300 + 0.03), round((last_ms + 0.1) * MS)))
 
 
 def test_a_first_pose_from_the_future_is_refused_too():
