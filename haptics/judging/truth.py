@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,4 +45,4 @@ class Truth:
         :param kept: of ``pins``, ``brakes`` and ``forces_n`` the last so many stay; None: all.
         :return: the truth, to gather in.
         """
-        return cls(*(deque[Any](maxlen=kept) for _ in range(4)))
+        return cls(deque(maxlen=kept), deque(maxlen=kept), deque(maxlen=kept), deque(maxlen=kept))
