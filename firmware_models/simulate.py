@@ -113,6 +113,8 @@ def simulate(
                 note = Trace(stack.enter_context(trace.open("w" if force else "x", encoding="utf-8")))
             except FileExistsError as error:
                 raise InputError(f"--trace = {trace} exists; choose another name or overwrite it (--force)") from error
+            except OSError as error:
+                raise InputError(f"--trace = {trace} cannot be written: {error.strerror}; choose another place") from error
         master, slave = pty.openpty()
         stack.callback(os.close, master)
         stack.callback(os.close, slave)  # held open: a host that closes must not hang up the line
@@ -122,7 +124,10 @@ def simulate(
         if link is not None:
             if link.exists() or link.is_symlink():
                 raise InputError(f"--link = {link} exists; choose another path or remove it")
-            link.symlink_to(path)
+            try:
+                link.symlink_to(path)
+            except OSError as error:
+                raise InputError(f"--link = {link} cannot be made: {error.strerror}; choose another place") from error
             stack.callback(link.unlink, missing_ok=True)
         previous = signal.signal(signal.SIGTERM, signal.default_int_handler)  # leave by the same door as ctrl-c
         stack.callback(signal.signal, signal.SIGTERM, previous)

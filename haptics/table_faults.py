@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from haptics.errors import InputError
+from haptics.toml_lines import lines_of
 from haptics.units import brief, nearest
 
 if TYPE_CHECKING:
@@ -96,30 +97,19 @@ def faults_in_words(error: ValidationError, schema: Mapping[str, Any], data: obj
 
 
 def line_of(text: str, keys: tuple[int | str, ...]) -> int:
-    """The line that best fits a place such as ``("objects", 2, "shape")``: TOML's reader keeps no lines.
+    """The line of a place such as ``("objects", 2, "shape")``, or of the innermost part of it that the file has.
 
-    :param text: of the file.
-    :param keys: names of tables and keys, and numbers of items, from the outside in.
+    :param text: of the file, which is TOML.
+    :param keys: names of tables and keys, and numbers of items, from the outside in; what the file has not, such as a kind that
+        pydantic puts between, is passed by.
     :return: counted from 1.
     """
-    lines = text.splitlines() or [""]
-    first, last = 0, len(lines)
-    if len(keys) >= 2 and isinstance(keys[1], int):
-        headers = [n for n, line in enumerate(lines) if re.match(rf"\s*\[\[\s*{re.escape(str(keys[0]))}\s*\]\]", line)]
-        if keys[1] < len(headers):
-            first = headers[keys[1]]
-            following = (n for n in range(first + 1, last) if re.match(r"\s*\[\[\s*\w+\s*\]\]", lines[n]))
-            last = next(following, last)
-    elif len(keys) >= 2:
-        within = rf"\s*\[\s*{re.escape(str(keys[0]))}\s*[.\]]"
-        first = next((n for n, line in enumerate(lines) if re.match(within, line)), 0)
-        following = (n for n in range(first + 1, last) if re.match(r"\s*\[", lines[n]) and not re.match(within, lines[n]))
-        last = next(following, last) if first or re.match(within, lines[0]) else last
-    for key in reversed([key for key in keys[1 if first else 0 :] if isinstance(key, str)]):
-        for number in range(first, last):
-            if re.search(rf"(^|[\s{{,.\[]){re.escape(key)}\s*[=\].]", lines[number]):
-                return number + 1
-    return first + 1
+    lines, path, line = lines_of(text), (), 1
+    for step in keys:
+        if (*path, step) in lines:
+            path = (*path, step)
+            line = lines[path]
+    return line
 
 
 def fault_in_words(fault: ErrorDetails, schema: Mapping[str, Any], data: object) -> str:

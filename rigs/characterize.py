@@ -15,10 +15,11 @@ import numpy as np
 from haptics.cli.show import plain
 from haptics.ends import end_workers, shield_tracker
 from haptics.errors import InputError
+from haptics.link.messages import BRAKE_CHANNELS, COIL_CHANNELS
 from haptics.link.port_url import is_simulated
 from haptics.recording.output import check_outputs, make_folder, refuse_existing, replacing
 from haptics.session.recorder import provenance
-from haptics.units import in_range
+from haptics.units import in_range, whole_number
 from rigs.bench import BenchOptions
 from rigs.catalogue import rig
 from rigs.comparison import Row, compare
@@ -129,6 +130,8 @@ def characterize(
             f"devices = {devices} is not allowed on hardware, where the instruments sit on one device; "
             "for the next, move them and choose another --channel"
         )
+    channels = COIL_CHANNELS if chosen.BOARD == "tactiles" else BRAKE_CHANNELS
+    whole_number("channel", options.channel, 0, channels - 1)
     if out is not None:
         _make_folder(out, name, options.force)
     jobs = [_job(name, options, out, k, devices) for k in range(devices)]

@@ -42,9 +42,10 @@ def load_scene(source: str | PathLike[str]) -> Scene:
     try:
         text = path.read_text("utf-8")
     except (OSError, ValueError) as error:
+        why = (error.strerror if isinstance(error, OSError) else None) or error
         shipped = ", ".join(_shipped_names())
         raise InputError(
-            f"scene {str(path)!r} cannot be read: {error}; expected a {_SUFFIX} file, or a scene that ships: {shipped}"
+            f"scene = {str(path)!r} cannot be read: {why}; expected a {_SUFFIX} file, or a scene that ships: {shipped}"
         ) from error
     return read_scene(text, path.stem, str(path), path.parent)
 

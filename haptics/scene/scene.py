@@ -33,7 +33,7 @@ from haptics.scene.patterns import REFRESH_HZ
 from haptics.scene.placement import InHand, place_at_palm, place_in_hand
 from haptics.scene.signals import BodySignals, Signal
 from haptics.scene.sites import SITES
-from haptics.units import in_range, nearest, one_of
+from haptics.units import an_instance, in_range, nearest, one_of
 
 
 @dataclass(frozen=True)
@@ -227,8 +227,9 @@ class Scene:
         :param recording: of one or both hands.
         :param side: ``left`` or ``right``; None: the one with most frames.
         :return: another scene; this one stays as it is.
-        :raises InputError: an unknown side, or a hand that the recording does not have.
+        :raises InputError: no recording, an unknown side, or a hand that the recording does not have.
         """
+        an_instance("recording", recording, HandRecording, "from haptics.load_hand")
         side = recording.side_with_most_frames if side is None else side
         return self.placed(place_at_palm(recording, side=side, at="median").centre_m, place_in_hand(recording, side), side)
 

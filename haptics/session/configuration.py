@@ -7,6 +7,7 @@ twice: by the host, and by the boards, which are configured with them (``board_l
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from os import PathLike
 from typing import Annotated, Any, Literal
 
@@ -40,7 +41,7 @@ COUNTED_COIL_A = 3.907
 class ActuatorCalibration(_Part):
     """What a bench measured of one tactor, each with its standard deviation (0 if not given: taken as exact).
 
-    A value that is absent is taken at its worst within the published tolerance (thesis 3.4.3, 3.5.2), as all of them are for an
+    A value that is absent is taken at its worst within the published tolerance (thesis 3.4.3, 3.5.2), as all of them are for a
     tactor without calibration.
 
     :param tau_s: thermal time constant, 20 to 500 s.
@@ -146,6 +147,8 @@ class TactilesConfiguration(_Part):
     @field_validator("sites")
     @classmethod
     def _known_sites(cls, sites: tuple[str, ...]) -> tuple[str, ...]:
+        if not sites:
+            raise ValueError(f"no site is named; expected 1 to {len(SITES)} of {', '.join(SITES)}")
         for site in sites:
             one_of("site", site, SITES)
         _each_once("site", sites)
@@ -214,9 +217,9 @@ class BrakeConfiguration(_Part):
             return table
         table = dict(table)
         for name, limit in _UNDER.items():
-            max_value = table.get(limit)
-            if name not in table and isinstance(max_value, int | float):
-                table[name] = min(cls.model_fields[name].default, max_value)
+            with suppress(TypeError, ValueError):  # what is no number is refused as such, under its own name
+                if name not in table and limit in table:
+                    table[name] = min(cls.model_fields[name].default, float(table[limit]))
         return table
 
     @model_validator(mode="after")

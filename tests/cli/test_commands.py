@@ -6,6 +6,8 @@ import re
 
 import pytest
 
+from haptics.errors import InputError, LimitError
+
 REPORTING = {
     ("scenes",): "scenes",
     ("ports",): "ports",
@@ -220,3 +222,18 @@ def test_a_port_without_a_board_is_not_called_safe(command, monkeypatch):
     assert "no board" in silent
     assert "yes" not in silent
     assert "yes" in board
+
+
+def test_a_limit_exits_with_1_and_a_mistake_with_2(capsys):
+    from haptics.cli.program import ended_by
+
+    assert (ended_by(LimitError("too hot")), ended_by(InputError("no such thing")), ended_by(KeyboardInterrupt())) == (1, 2, 130)
+    assert "too hot" in capsys.readouterr().err
+
+
+def test_a_view_does_not_take_the_place_of_its_recording(tmp_path, refused):
+    mine = tmp_path / "mine.h5"
+    mine.write_bytes(b"precious")
+    assert "is the file read as the recording" in refused("recording", "view", mine, "--rrd", mine, "--force")
+    assert "nothing to write; give --picture" in refused("recording", "view", mine)
+    assert mine.read_bytes() == b"precious"

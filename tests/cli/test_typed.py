@@ -143,3 +143,17 @@ def test_what_a_file_holds_is_not_taken_for_an_option(tmp_path, refused):
     (tmp_path / "s.toml").write_text(ball + 'effects = [{ kind = "contact", force_n = 1 }]\n')
     said = refused("run", tmp_path / "s.toml", "--out", tmp_path / "o.h5", "--force")
     assert "unknown key 'force_n'" in said
+
+
+def test_of_an_option_that_is_given_twice_the_number_at_fault_is_named():
+    from haptics.cli.typed import _typed
+
+    assert _typed([5.0, 20000.0], 20000.000001) == 20000.0
+    assert _typed(None, 3.0) == 3.0
+
+
+@pytest.mark.parametrize(("value", "expected"), [("abc", "a number"), ("", "a number")])
+def test_what_is_no_number_is_shown_as_it_was_typed(value, expected, command):
+    code, _, err = command("run", "playground", "--budget", value)
+    assert code == 2
+    assert f"'--budget': {value!r}; expected {expected}" in err

@@ -182,3 +182,13 @@ def test_settings_given_to_a_device_are_exclusive_and_bounded(monkeypatch):
     seen.clear()
     open_port("socket://localhost:1")
     assert "exclusive" not in seen
+
+
+@pytest.mark.parametrize("number", [errno.EACCES, errno.EPERM])
+def test_a_port_that_may_not_be_opened_says_how_to_be_let_in(monkeypatch, number):
+    def refuse(*_, **__):
+        raise serial.SerialException(number, "no")
+
+    monkeypatch.setattr(serial, "serial_for_url", refuse)
+    with pytest.raises(LinkLost, match=r"permission denied.*dialout"):
+        open_port("/dev/ttyACM0")

@@ -13,7 +13,7 @@ from recorded_session import record_session
 from haptics.errors import HapticsError, InputError
 from haptics.recording import finalise, load
 from haptics.recording.leftovers import journal_of, leftovers, refuse_leftover
-from haptics.recording.output import check_outputs, replacing
+from haptics.recording.output import check_outputs, make_folder, replacing
 
 
 def test_outputs_that_are_free_leave_nothing_behind(tmp_path: Path):
@@ -133,3 +133,34 @@ def test_a_disk_that_is_full_at_any_byte_is_an_error_and_leaves_the_journal(tmp_
 def test_a_recording_without_a_name_is_refused(name):
     with pytest.raises(InputError, match="is a folder; expected a file name"):
         journal_of(Path(name))
+
+
+def test_a_file_that_came_up_while_another_was_written_in_its_place_is_kept(tmp_path: Path):
+    out = tmp_path / "r.h5"
+    writing = replacing(out, force=False)
+    writing.__enter__().write_text("ours")
+    out.write_text("theirs")
+    with pytest.raises(InputError, match="exists and is not overwritten"):
+        writing.__exit__(None, None, None)
+    assert [file.read_text() for file in tmp_path.iterdir()] == ["theirs"]
+
+
+def test_what_takes_a_file_s_place_is_on_the_disk_before(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    steps: list[str] = []
+    monkeypatch.setattr(os, "fsync", lambda _: steps.append("fsync"))
+    monkeypatch.setattr(Path, "replace", lambda *_: steps.append("replace"))
+    with replacing(tmp_path / "r.h5", force=False) as partial:
+        partial.write_text("ours")
+    assert steps == ["fsync", "replace"]
+
+
+def test_a_folder_is_made_and_those_above_it_are_not(tmp_path: Path):
+    make_folder(tmp_path / "new")
+    make_folder(tmp_path / "new")
+    assert (tmp_path / "new").is_dir()
+    with pytest.raises(InputError, match=r"out = .*a/b: there is no folder .*a; make it"):
+        make_folder(tmp_path / "a" / "b")
+    assert [path.name for path in tmp_path.iterdir()] == ["new"]
+    for option in ("picture", "rrd"):
+        with pytest.raises(InputError, match=rf"{option} = .*: there is no folder"):
+            check_outputs({option: tmp_path / "a" / "x.png"}, force=True)

@@ -167,3 +167,25 @@ def test_the_hand_with_more_poses_wears_the_glove(tmp_path: Path):
     assert view_data.glove_side(recording) == "right"
     assert len(view_data.poses_of(recording, "left")) == 0
     assert len(view_data.poses_of(recording, "right")) == STEPS
+
+
+def test_refused_poses_are_not_drawn_and_the_glove_s_hand_is_the_one_of_the_header_or_the_one_seen_more(tmp_path):
+    from haptics.recording.views.view_data import glove_side, poses_of
+    from haptics.session.recorder import RUN_STREAMS
+
+    spec = next(one for one in RUN_STREAMS if one.name == "poses")
+
+    def recorded(name: str, header: dict, sides: list[int], accepted: list[int]) -> Recording:
+        journal = Journal.create(tmp_path / f"{name}.journal", header)
+        rows = journal.declare(spec)
+        for number, (side, good) in enumerate(zip(sides, accepted, strict=True)):
+            rows.append((number, number, side, 0, good, np.full((26, 3), number), np.tile((0, 0, 0, 1), (26, 1))))
+        journal.close()
+        finalise(journal.path, tmp_path / f"{name}.h5")
+        return load(tmp_path / f"{name}.h5")
+
+    some = recorded("some", {}, [1, 1, 1, 0], [1, 0, 1, 1])
+    assert poses_of(some, "right")["sampled_ns"].tolist() == [0, 2]
+    assert glove_side(some) == "right"
+    assert glove_side(recorded("left", {"side": "left"}, [1, 1, 1, 0], [1] * 4)) == "left"
+    assert glove_side(recorded("more", {}, [0, 0, 1], [1] * 3)) == "left"

@@ -171,3 +171,11 @@ def test_bad_numbers_are_refused_and_change_nothing(bad: float):
     assert account.rise_k(0) == 0.0
     with pytest.raises(InputError, match="energy_j"):
         account.allowed_now(0, 0.0)
+
+
+def test_an_account_is_only_ever_raised():
+    account = budget(rise_k=5.0)
+    account.raise_to(9.0, 0)
+    assert account.rise_k(0) == pytest.approx(9.0)
+    account.raise_to(2.0, 0)
+    assert account.rise_k(0) == pytest.approx(9.0)

@@ -12,6 +12,7 @@ import pytest
 from haptics.errors import InputError
 from haptics.session.configuration import Configuration, check_configuration, load_configuration
 from haptics.session.devices import Devices
+from haptics.table_faults import line_of
 
 DOCS = Path(__file__).resolve().parents[2] / "docs" / "reference"
 
@@ -238,3 +239,30 @@ def test_a_name_of_a_list_that_is_none_is_named_with_the_nearest(tmp_path):
 def test_a_configuration_made_by_hand_is_refused_in_the_project_s_own_words():
     with pytest.raises(InputError, match=r"^configuration: side = 'x'; allowed: auto, left, right$"):
         Configuration(side="x")
+
+
+def test_what_a_power_may_be_off_by_counts_beside_what_c_may_be_off_by():
+    def rise(**more):
+        own = {"tau_s": 100.0, "c_k_per_w": 70.0, "power_w": 18.0, **more}
+        heat = check_configuration({"tactiles": {"calibration": {"index_tip": own}}}, "x").tactiles.coil_heat("index_tip")
+        return heat.parameters.c_k_per_w * heat.power_w
+
+    exact = rise()
+    assert rise(power_sd_w=0.18) / exact == pytest.approx(1 + 3 * 0.01)
+    assert rise(c_sd_k_per_w=0.7) / exact == pytest.approx(1 + 3 * 0.01)
+    assert rise(power_sd_w=0.18, c_sd_k_per_w=0.7) / exact == pytest.approx(1 + 3 * 0.01 * 2**0.5)
+
+
+def test_a_fault_in_a_table_that_follows_another_at_once_has_its_own_line():
+    text = "[[objects]]\n[[objects]]\nname = 3\n"
+    assert line_of(text, ("objects", 0, "name")) == 1
+    assert line_of(text, ("objects", 1, "name")) == 3
+    assert line_of("a = 1\n[tactiles]\nport = 1\n[brake]\nport = 2\n[brake.calibration.index]\nk = 3\n", ("brake", "port")) == 5
+
+
+def test_an_array_has_a_site_and_a_limit_that_is_no_number_is_refused_under_its_own_name():
+    with pytest.raises(InputError, match=r"sites in \[tactiles\]: no site is named; expected 1 to 15 of thumb_tip"):
+        check_configuration({"tactiles": {"sites": []}}, "x")
+    assert check_configuration({"brake": {"max_amplitude_v": "100"}}, "x").brake.amplitude_v == 100.0
+    with pytest.raises(InputError, match=r"^x: max_amplitude_v = .many. in .brake.; expected a number"):
+        check_configuration({"brake": {"max_amplitude_v": "many"}}, "x")

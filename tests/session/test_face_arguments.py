@@ -223,3 +223,23 @@ def test_whatever_is_refused_is_named_in_one_short_line(glove, which):
         assert said.startswith(f"{argument} = ")
         assert len(said) < 400
         assert "\n" not in said
+
+
+@pytest.mark.parametrize(
+    ("axes", "unit_m", "word"),
+    [
+        (5, 1.0, "axes"),
+        (((1, 0, 0), (0, 1, 0), (0, 0, 0)), 1.0, "axes"),
+        (((1, 0, 0), (1, 0, 0), (0, 0, 1)), 1.0, "axes"),
+        (((0.5, 0, 0), (0, 1, 0), (0, 0, 1)), 1.0, "axes"),
+        (((1, 0, 0), (0, 1, 0)), 1.0, "axes"),
+        (((1, 0, 0), (0, 1, 0), (0, 0, 1)), 0.0, "unit_m = 0 m"),
+        (((1, 0, 0), (0, 1, 0), (0, 0, 1)), "m", "unit_m"),
+    ],
+)
+def test_a_basis_that_turns_no_axes_into_axes_is_refused(axes, unit_m, word):
+    assert word in refused(haptics.Basis, "mine", axes, unit_m)
+
+
+def test_a_scene_is_placed_for_a_recording_and_nothing_else():
+    assert "recording = 'synthetic'" in refused(haptics.load_scene("desk").placed_for, "synthetic")

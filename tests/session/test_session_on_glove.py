@@ -253,3 +253,15 @@ def test_a_sink_that_cannot_be_called_is_refused():
         session = haptics.Session(haptics.load_scene("desk").placed((0.0, 0.0, 0.0)), glove)
         with pytest.raises(haptics.InputError, match="sink = 3 cannot be called"):
             session.subscribe(3)
+
+
+def test_without_a_name_every_brake_is_let_go_of():
+    with haptics.open(brake=BRAKE, clock="virtual") as glove:
+        glove.arm()
+        for name in ("index", "thumb"):
+            glove.brake(name, volts=800.0, ttl_s=10.0)
+        glove.advance(0.2)
+        assert min(glove.truth().force_n.values()) > 1.0
+        glove.release_brake()
+        glove.advance(0.2)
+        assert max(abs(volts) for volts in glove.truth().volts.values()) < 60.0

@@ -13,7 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from haptics.units import one_of
+from haptics.errors import InputError
+from haptics.units import brief, number, one_of
 
 Floats = NDArray[np.float64]
 
@@ -24,12 +25,22 @@ class Basis:
 
     :param name: such as ``unity``.
     :param axes: ``M``, a signed permutation; rows: OpenXR's x, y, z in the engine's coordinates.
-    :param unit_m: metres in one unit of the engine.
+    :param unit_m: metres in one unit of the engine, 1e-6 to 1000.
+    :raises InputError: axes that are no signed permutation, or a unit out of range.
     """
 
     name: str
     axes: tuple[tuple[int, int, int], tuple[int, int, int], tuple[int, int, int]]
     unit_m: float = 1.0
+
+    def __post_init__(self) -> None:
+        try:
+            axes = np.array(self.axes, float)
+        except (TypeError, ValueError):  # rows of unequal length, or no numbers
+            axes = np.empty(0)
+        if axes.shape != (3, 3) or not (np.abs(axes) @ np.ones(3) == 1).all() or not (axes @ axes.T == np.eye(3)).all():
+            raise InputError(f"axes = {brief(self.axes)}; expected three rows with one 1 or -1 each, no two in one column")
+        number("unit_m", self.unit_m, 1e-6, 1e3, "m")
 
     @property
     def right_handed(self) -> bool:

@@ -120,6 +120,20 @@ def test_no_form_of_ending_and_beginning_anew_gives_a_coil_more(attacker, core, 
 
 
 @on_every_core
+def test_a_reset_charges_what_waited_as_if_it_had_played(attacker, core):
+    """0.4 s of pulses wait when the board is cut short: of a queue the firmware no longer knows it can only think the worst."""
+    a = attacker(core, spread=0)
+    start = a.tick_in(300)
+    for index in range(40):
+        a.send("pulse", (start + index * 21_000) % WRAP, 2, 2, TEN_MS)
+        a.listen(a.now_ns + NS_PER_MS)
+    a.live(100)
+    a.reboot("reset")
+    a.live(50)
+    assert 0.38 <= 0.02 * a.last("tactiles_telemetry").heat[1] <= 0.52
+
+
+@on_every_core
 def test_what_is_asked_for_and_called_off_again_makes_no_room(attacker, core):
     """Half an account warm, then 0.6 s at a time waiting and cancelled; it cools by itself, and no quicker."""
     a = attacker(core, spread=0)
