@@ -54,7 +54,7 @@ class Option:
         if not self.whole:
             return number
         if number != int(number):
-            raise InputError(f"{key} = {text} is not allowed; allowed: whole numbers from {self.low:g} to {self.high:g}")
+            raise InputError(f"{key} = {text}; must be a whole number from {self.low:g} to {self.high:g}")
         return int(number)
 
 

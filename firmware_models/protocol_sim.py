@@ -23,7 +23,7 @@ from firmware_models.instruments.instrument import INSTRUMENT_OPTIONS, Instrumen
 from firmware_models.line.cable import Cable, make_line
 from firmware_models.line.uart import NEVER_NS, Line
 from firmware_models.options import Option, parse_options, split_url
-from haptics.errors import InputError
+from haptics.errors import InputError, nearest
 from haptics.link.line_faults import parse_faults
 from haptics.link.messages import Board
 from haptics.time import seconds_to_ns
@@ -132,7 +132,9 @@ class Serial(SerialBase):
         if self.is_open:
             raise SerialException("Port is already open.")
         board, query = split_url(self.port)
-        one_of("board", board, (*BOARDS, *INSTRUMENTS))
+        if board not in (known := (*BOARDS, *INSTRUMENTS)):
+            there_are = ", ".join(f"sim://{name}" for name in known)
+            raise InputError(f"sim://{board}: there is no such simulated board; there are {there_are}{nearest(board, known)}")
         name = query.pop("world", None)
         options = parse_options(query, instrument_options(board) if board in INSTRUMENTS else board_options(board))
         if board in INSTRUMENTS and options["core"] != "py":

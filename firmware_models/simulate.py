@@ -106,6 +106,9 @@ def simulate(
         raise InputError(f"clock = {options['clock']}: a board behind a pseudo-terminal runs on the real clock; leave clock out")
     if for_s is not None:
         in_range("--for-s", for_s, 0.0, float("inf"), "s")
+    for option, file in (("--trace", trace), ("--link", link)):
+        if file is not None and not file.parent.is_dir():
+            raise InputError(f"{option} = {file}: there is no folder {file.parent}; make it, or choose another place")
     with ExitStack() as stack:
         note = None
         if trace is not None:

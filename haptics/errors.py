@@ -95,6 +95,24 @@ class NotOneOf(InputError):
         return type(self), (self.name, self.value, self.shown, self.allowed)
 
 
+class UnknownArgument(InputError, TypeError):
+    """A call names an argument that there is not; a ``TypeError`` like Python's own.
+
+    :ivar function: what was called.
+    :ivar name: of the argument.
+    :ivar known: the arguments there are.
+    """
+
+    def __init__(self, function: str, name: str, known: Sequence[str]):
+        self.function, self.name, self.known = function, name, tuple(known)
+        super().__init__(
+            f"{function}() has no argument {name!r}; known arguments: {', '.join(self.known)}{nearest(name, self.known)}"
+        )
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (self.function, self.name, self.known)
+
+
 class LimitError(HapticsError):
     """A well-formed request was refused because of a limit (volts, heat, current, validity)."""
 

@@ -89,11 +89,21 @@ def faults_in_words(error: ValidationError, schema: Mapping[str, Any], data: obj
     :param text: of the file; None where the data is no file's: no lines then.
     :return: the lines.
     """
-    lines: list[str] = []
+    lines: list[tuple[int, str]] = []
     for fault in error.errors(include_url=False):
-        where = place if text is None else f"{place}:{line_of(text, fault['loc'])}"
-        lines.append(f"{where}: {fault_in_words(fault, schema, data)}")
-    return "\n".join(lines)
+        line = 0 if text is None else line_of(text, (*fault["loc"], *_named_in(fault)))
+        where = place if text is None else f"{place}:{line}"
+        lines.append((line, f"{where}: {fault_in_words(fault, schema, data)}"))
+    return "\n".join(said for _, said in sorted(lines, key=lambda one: one[0]))
+
+
+def _named_in(fault: ErrorDetails) -> tuple[str, ...]:
+    """The keys that a table's own check names at the begin of its message, such as ``calibration.index: ...``."""
+    found = (
+        re.match(r"Value error, ([a-z_]\w*(?:\.\w+)*)(?: = |: | is )", fault["msg"]) if fault["type"] == "value_error" else None
+    )
+    keys = () if found is None else tuple(found[1].split("."))
+    return keys[1:] if fault["loc"] and keys[:1] == fault["loc"][-1:] else keys
 
 
 def line_of(text: str, keys: tuple[int | str, ...]) -> int:
@@ -136,9 +146,12 @@ def fault_in_words(fault: ErrorDetails, schema: Mapping[str, Any], data: object)
         tag = str(fault.get("ctx", {}).get("tag", ""))
         return f"{by} = {tag!r} in {where} is not known; {_known('known kinds', tag, kinds)}"
     if kind == "value_error":
+        said = fault["msg"].removeprefix("Value error, ")
+        if said.startswith((f"{key} = ", f"{key}.")):
+            return f"{table}: {said}" if table else said
         where = place.name_of_itself if isinstance(fault["input"], dict) else f"{key}{inside}"
-        return f"{where}: {fault['msg'].removeprefix('Value error, ')}"
-    unit = _unit_of(key)
+        return f"{where}: {said}"
+    unit = unit_of(key)
     seen = f"{key or 'the file'} = {brief(fault['input'])}{unit if kind in _BOUNDS else ''}{inside}"
     if kind == "literal_error":
         return f"{seen}; {_known('allowed', fault['input'], place.schema.get('enum', ()))}"
@@ -246,8 +259,12 @@ def _known(what: str, given: object, names: Iterable[str]) -> str:
     return f"{what}: {', '.join(names)}{nearest(given, names)}"
 
 
-def _unit_of(key: str) -> str:
-    """A key's unit with a space before it, by its ending; nothing for a pure number."""
+def unit_of(key: str) -> str:
+    """A key's unit, by its ending.
+
+    :param key: as the file has it.
+    :return: such as `` V``, with a space before it; nothing for a pure number.
+    """
     stem = key.partition("[")[0]
     endings = [ending for ending in _UNITS if stem.endswith(f"_{ending}")]
     return f" {_UNITS[max(endings, key=len)]}" if endings else ""

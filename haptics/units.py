@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import inspect
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import wraps
 from numbers import Integral, Real
 from pathlib import Path
+from typing import ParamSpec, TypeVar
 
-from haptics.errors import InputError, NotOneOf, OutOfRange, nearest as nearest, span
+from haptics.errors import InputError, NotOneOf, OutOfRange, UnknownArgument, nearest as nearest, span
+
+_Arguments = ParamSpec("_Arguments")
+_Result = TypeVar("_Result")
 
 VACUUM_PERMITTIVITY_F_PER_M = 8.8541878128e-12
 STANDARD_GRAVITY_M_S2 = 9.80665
@@ -28,7 +34,7 @@ def in_range(name: str, value: float, low: float, high: float, unit: str = "") -
     try:
         number = float(value)
     except (TypeError, ValueError, OverflowError) as error:
-        raise InputError(f"{name} = {brief(value)} is not a number; allowed: {span(low, high, unit)}") from error
+        raise InputError(f"{name} = {brief(value)} is not a number; must be {span(low, high, unit)}") from error
     if not math.isfinite(number) or not low <= number <= high:
         raise OutOfRange(name, number, low, high, unit)
     return number
@@ -46,7 +52,7 @@ def number(name: str, value: object, low: float, high: float, unit: str = "") ->
     :raises InputError: not a real number, not finite, or outside the range.
     """
     if isinstance(value, bool) or not isinstance(value, Real):
-        raise InputError(f"{name} = {brief(value)} is not a number; allowed: {span(low, high, unit)}")
+        raise InputError(f"{name} = {brief(value)} is not a number; must be {span(low, high, unit)}")
     return in_range(name, value, low, high, unit)  # type: ignore[arg-type]
 
 
@@ -62,7 +68,7 @@ def whole_number(name: str, value: object, low: int, high: int, unit: str = "") 
     :raises InputError: not an integer (2.0 is none, nor is True), or outside the range.
     """
     if isinstance(value, bool) or not isinstance(value, Integral):
-        raise InputError(f"{name} = {brief(value)} is not a whole number; allowed: {span(low, high, unit)}")
+        raise InputError(f"{name} = {brief(value)} is not a whole number; must be {span(low, high, unit)}")
     if not low <= int(value) <= high:
         raise InputError(f"{name} = {brief(int(value))}{_suffix(unit)}; allowed {span(low, high, unit)}")
     return int(value)
@@ -122,6 +128,24 @@ def a_callable(name: str, value: object, arguments: str) -> None:
     """
     if not callable(value):
         raise InputError(f"{name} = {brief(value)} cannot be called; expected a function of {arguments}")
+
+
+def known_arguments(function: Callable[_Arguments, _Result]) -> Callable[_Arguments, _Result]:
+    """Let a function answer an argument that it does not have with those that it has.
+
+    :param function: of the public face.
+    :return: the same, which raises ``UnknownArgument`` where Python would have raised a bare ``TypeError``.
+    """
+    known = tuple(name for name in inspect.signature(function).parameters if name not in ("self", "cls"))
+
+    @wraps(function)
+    def checked(*args: _Arguments.args, **kwargs: _Arguments.kwargs) -> _Result:
+        for name in kwargs:
+            if name not in known:
+                raise UnknownArgument(function.__qualname__.removesuffix(".__init__"), name, known)
+        return function(*args, **kwargs)
+
+    return checked
 
 
 def one_of(name: str, value: object, allowed: Sequence[str]) -> str:

@@ -17,6 +17,7 @@ from haptics.ends import end_workers, shield_tracker
 from haptics.errors import InputError
 from haptics.link.messages import BRAKE_CHANNELS, COIL_CHANNELS
 from haptics.link.port_url import is_simulated
+from haptics.link.ports import check_board_port
 from haptics.recording.output import check_outputs, make_folder, refuse_existing, replacing
 from haptics.session.recorder import provenance
 from haptics.units import in_range, whole_number
@@ -120,10 +121,12 @@ def characterize(
     :param out: folder to write to, made if need be; None writes nothing.
     :param executor: what runs several devices; a pool of processes if None.
     :return: all results, with the files that were written.
-    :raises InputError: an unknown rig, several devices on hardware, or a file that exists.
+    :raises InputError: an unknown rig, a port of another board, several devices on hardware, or a file that exists.
     :raises HapticsError: the bench failed; whatever was recorded is in ``out``, marked incomplete.
     """
     chosen = rig(name)
+    if options.port is not None:
+        check_board_port(options.port, chosen.BOARD)
     devices = int(in_range("devices", devices, 1, MAX_DEVICES))
     if devices > 1 and not is_simulated(options.board_url(chosen.BOARD)):
         raise InputError(

@@ -85,7 +85,7 @@ class BrakePins:
             return count(self.plant.supply_current_a(), _AMPS_PER_COUNT)
         if sense == _BUS:
             return count(stage.bus_v, _VOLTS_PER_COUNT)
-        raise InputError(f"input = {sense} is not wired on the brake controller; allowed: 0 to {_BUS}")
+        raise InputError(f"input = {sense} is not wired on the brake controller; must be 0 to {_BUS}")
 
     def truth(self, time_ns: int) -> dict[str, Any]:
         """The plant as it is now; see ``Brakes.truth``.

@@ -39,7 +39,7 @@ def core_settings(kind: Board, options: Mapping[str, Any]) -> CoreSettings:
     if options["current_limit_a"] > max_a:
         raise InputError(
             f"current_limit_a = {options['current_limit_a']:g} A is not allowed with core = {options['core']}: the firmware is "
-            f"built for {max_a:g} A and takes stricter limits only; allowed: 0 to {max_a:g} A, or core=py"
+            f"built for {max_a:g} A and takes stricter limits only; must be 0 to {max_a:g} A, or core=py"
         )
     return CoreSettings(TactilesBoard.built_limits(options), 0)
 

@@ -204,9 +204,11 @@ class Actuators:
             self._settle(channel, now_ns)
 
     def switch(self, changes: Mapping[int, int], now_ns: int) -> None:
-        """Command coils; the others feel it through the supply.
+        """Command coils; the others that are on feel it through the supply, if that has a resistance.
 
-        :param changes: by channel 1 toward the skin, -1 back, 0 off; channels left out stay as they are.
+        A coil is on as commanded only while the feed is on and its driver is not stuck; channels that are not fitted stay off.
+
+        :param changes: by channel, 0 to 14: 1 toward the skin, -1 back, 0 off; channels left out stay as they are.
         :param now_ns: world time, ns.
         """
         for channel, sign in changes.items():

@@ -104,7 +104,10 @@ def brake(
         "law": law,
     }
     prediction = predict_brake(volts, **geometry) if volts is not None else predict_volts(force_n or 0.0, **geometry)
-    _answer("electrostatic brake", plain(prediction) | plain(predicted_pull(prediction, level)), json)
+    pulled = plain(predicted_pull(prediction, level))
+    _answer("electrostatic brake", plain(prediction) | pulled, json)
+    if pulled["plateau_n"] is None:  # past breakdown, supply or bridge: nothing that a brake could be asked for
+        raise typer.Exit(1)
 
 
 @app.command("recoil")
@@ -160,7 +163,7 @@ def _answer(title: str, answer: dict[str, Any], json: bool) -> None:
     if json:
         print_json(answer)
         return
-    print_pairs(title, answer)
+    print_pairs(title, {name: value for name, value in answer.items() if value not in (None, [], ())})
     for reason in answer.get("reasons", ()):
         print(f"not valid: {reason}")
     for departure in answer.get("extrapolated", ()):

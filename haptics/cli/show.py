@@ -78,7 +78,7 @@ def print_table(title: str, head: Iterable[str], rows: Iterable[Iterable[Any]]) 
 def chosen_levels(pairs: list[str] | None) -> dict[str, str]:
     """``MODEL=LEVEL`` arguments as a mapping.
 
-    :raises InputError: no such pair, or a model named twice.
+    :raises InputError: no such pair, an unknown model or level, or a model named twice.
     """
     from haptics.fidelity.plan import LADDERS
 
@@ -90,6 +90,9 @@ def chosen_levels(pairs: list[str] | None) -> dict[str, str]:
         if model not in LADDERS:
             known = f"{', '.join(LADDERS)}{nearest(model, tuple(LADDERS))}"
             raise InputError(f"level = {pair!r}: there is no model {model!r} with levels; expected {known}")
+        if level not in LADDERS[model]:
+            known = f"{', '.join(LADDERS[model])}{nearest(level, LADDERS[model])}"
+            raise InputError(f"level = {pair!r}: {model} has no level {level!r}; expected {known}")
         chosen[model] = level
     return chosen
 

@@ -101,6 +101,10 @@ def as_typed(error: HapticsError, ctx: Any) -> str:
     :return: the message; unchanged where it is about nothing that was typed.
     """
     text, given = str(error), [one for one in ctx.command.params if _given(one, ctx)]
+    for option in given:
+        value = str(ctx.params.get(option.name))
+        if option.param_type_name == "option" and text.startswith((f"{value}: ", f"{value.partition('?')[0]}: ")):
+            return f"{_shown(option)} = {text}"
     if not isinstance(error, OutOfRange | NotOneOf):
         return _NAME.sub(lambda found: _in_words(found, given if found[2] else ctx.command.params), text)
     option = next((one for one in given if _means(one, error.name)), None)

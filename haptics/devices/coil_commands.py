@@ -18,7 +18,8 @@ class CoilCommands:
 
     :param link: with a tactiles board.
 
-    :ivar busy_until_ns: when the last coil pulse sent so far ends.
+    :ivar busy_until_ns: when the last of all pulses handed to ``send`` so far ends, ns on the link's clock; refused ones count,
+        too; 0 before the first.
     """
 
     def __init__(self, link: Link):

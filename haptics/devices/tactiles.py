@@ -157,7 +157,7 @@ class TactilesDriver:
         :raises InputError: no tactor sits at this site, or too many cycles.
         """
         if not 1 <= cycles <= MAX_CYCLES:
-            raise InputError(f"cycles = {cycles} is not allowed; allowed: 1 to {MAX_CYCLES} (a burst lasts at most 50 ms)")
+            raise InputError(f"cycles = {cycles}; must be 1 to {MAX_CYCLES} (a burst lasts at most 50 ms)")
         channel = self._channel_of(site)
         if self._armed and self._in_contact(channel):
             self._results.append(Result(site, "burst", False, "contact", now_ns, None))

@@ -54,7 +54,7 @@ class DesignReport:
         final, goal = self.sequence.final, self.job.coverage
         found = [self.stopped] if self.stopped else []
         if abs(final.coverage - goal) > COVERAGE_TOLERANCE:
-            found.append(f"coverage is {final.coverage:.4f}; allowed: {goal:g} to within {COVERAGE_TOLERANCE:g}")
+            found.append(f"coverage is {final.coverage:.4f}; must be {goal:g} to within {COVERAGE_TOLERANCE:g}")
         found += [f"no equilibrium of the drawn {shape} at any place" for shape, best in self.drawn.items() if best is None]
         return found
 

@@ -115,12 +115,14 @@ def export_design(
 
     :param kept: the sequence on its body.
     :param out: folder, made unless it is there; the one it lies in must be.
-    :param step: step of the sequence, from 0; None: see ``coverage``.
-    :param coverage: chooses a design, the one asked for if None.
+    :param step: number of the design in the sequence, from 0; None: see ``coverage``.
+    :param coverage: reinforced over designable area, from that of the sequence's last step to 1: of the designs that have it the
+        densest, else the nearest. With neither, the design of the coverage that the sequence was made for.
     :param options: of the pattern; None takes the defaults.
     :param force: overwrite files that exist.
-    :return: the pattern and the files written.
-    :raises InputError: files that exist, no such step, or as in ``make_pattern`` and ``write_pattern``.
+    :return: the pattern and the files written: ``GARMENT-NUMBER`` with .svg, .dxf, .obj, .mtl and .ply.
+    :raises InputError: both a step and a coverage, or one out of range; no folder to make ``out`` in; files that exist; or as
+        in ``make_pattern`` and ``write_pattern``.
     :raises Unconverged: the design has no equilibrium any more.
     """
     number, chosen = kept.step(step, coverage)

@@ -45,6 +45,8 @@ def onset_study(
     found = list(hands)
     if folder is not None:
         found += sorted(str(path) for pattern in SUFFIXES for path in folder.glob(f"*{pattern}"))
+        if not folder.is_dir():
+            raise InputError(f"folder = {folder}: there is no such folder; expected one of recorded hands")
         if not found:
             raise InputError(f"folder {folder} holds no *{', *'.join(SUFFIXES)}; expected a folder of recorded hands")
     recordings = [load_hand(hand) for hand in found or ["synthetic"]]

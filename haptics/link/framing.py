@@ -50,9 +50,9 @@ def encode_frame(type_: int, seq: int, payload: bytes = b"") -> bytes:
     :raises InputError: payload longer than 64 bytes, or type or sequence number not a byte.
     """
     if len(payload) > MAX_PAYLOAD:
-        raise InputError(f"payload = {len(payload)} bytes is not allowed; allowed: 0 to {MAX_PAYLOAD}")
+        raise InputError(f"payload = {len(payload)} bytes; must be 0 to {MAX_PAYLOAD}")
     if not (0 <= type_ <= 255 and 0 <= seq <= 255):
-        raise InputError(f"type = {type_}, seq = {seq} are not allowed; allowed: 0 to 255 each")
+        raise InputError(f"type = {type_}, seq = {seq}; must be 0 to 255 each")
     body = bytes((type_, seq)) + payload
     return _stuff(body + crc16.ibm_sdlc(body).to_bytes(2, "little")) + DELIMITER
 

@@ -123,6 +123,9 @@ def check_port(url: object, name: str = "port") -> str:
     return url
 
 
+_KINDS = {"tactiles": "simulated tactor array", "brake": "simulated brake controller"}
+
+
 def check_board_port(url: object, board: str, name: str = "port") -> str:
     """``url`` if it may be the port of a board of this kind: a simulated one must be of it, a real one tells when it is opened.
 
@@ -134,7 +137,7 @@ def check_board_port(url: object, board: str, name: str = "port") -> str:
     """
     checked = check_port(url, name)
     if is_simulated(checked) and urlsplit(checked).netloc != board:
-        raise InputError(f"{name} = {checked!r} is not a simulated {board} board; expected sim://{board}, or a real port")
+        raise InputError(f"{name} = {checked!r} is no {_KINDS.get(board, board)}; expected sim://{board}, or a real port")
     return checked
 
 

@@ -68,7 +68,7 @@ class LinkSettings:
             if not getattr(self, name) > 0:
                 raise InputError(f"{name} = {getattr(self, name)}; expected more than 0")
         if self.in_flight > OPEN_COMMANDS:
-            raise InputError(f"in_flight = {self.in_flight}; allowed: 1 to {OPEN_COMMANDS} commands")
+            raise InputError(f"in_flight = {self.in_flight}; must be 1 to {OPEN_COMMANDS} commands")
 
 
 @dataclass(slots=True)

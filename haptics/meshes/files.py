@@ -75,7 +75,7 @@ def check_arrays(name: str, vertices: Floats, triangles: Ints) -> None:
     outside = np.flatnonzero(((triangles < 0) | (triangles >= len(vertices))).any(axis=1))
     if outside.size:
         raise InputError(
-            f"{name}: triangle {outside[0]} names vertices {triangles[outside[0]].tolist()}; allowed: 0 to {len(vertices) - 1}"
+            f"{name}: triangle {outside[0]} names vertices {triangles[outside[0]].tolist()}; there are 0 to {len(vertices) - 1}"
         )
 
 
@@ -103,7 +103,7 @@ def _read(path: Path) -> tuple[Floats, Ints]:
 def _check_number(name: str, triangles: int) -> None:
     if triangles > LARGEST_TRIANGLES:
         raise InputError(
-            f"{name} has {triangles} triangles; allowed: at most {LARGEST_TRIANGLES}; reduce (decimate) it where it was made"
+            f"{name} has {triangles} triangles; at most {LARGEST_TRIANGLES} are read; reduce (decimate) it where it was made"
         )
 
 

@@ -72,7 +72,7 @@ def size_fault(vertices: Floats, kind: Kind, scale: float = 1.0) -> SizeFault | 
     extent = extent_of(vertices)
     if kind.has(extent * scale):
         return None
-    seen = f"it is {extent * scale:g} m across; allowed: {kind.smallest_m:g} to {kind.largest_m:g} m, as {kind.what} is"
+    seen = f"it is {extent * scale:g} m across; must be {kind.smallest_m:g} to {kind.largest_m:g} m, as {kind.what} is"
     return SizeFault(seen, _question(extent, kind, [unit for unit in likely_units(extent, kind) if unit != "m"]))
 
 

@@ -24,7 +24,7 @@ def refuse_existing(path: Path, force: bool) -> None:
     except OSError as error:  # a name that is too long, a folder that may not be looked into
         raise InputError(f"{path} cannot be written: {error.strerror or error}") from error
     if not in_folder:
-        raise InputError(f"{path}: there is no folder {path.parent}")
+        raise InputError(f"{path}: there is no folder {path.parent}; make it, or choose another place")
     if folder:
         raise InputError(f"{path} is a folder; expected a file name")
     if there and not file:

@@ -76,10 +76,12 @@ class StreamSpec:
     def from_json(cls, data: Mapping[str, Any]) -> StreamSpec:
         """The stream that :meth:`as_json` described.
 
-        :param data: what it returned.
+        :param data: what it returned; keys that it does not have are ignored.
         :return: the stream.
         :raises InputError: a name, field, unit or description that cannot be recorded.
         :raises KeyError: a part is missing.
+        :raises TypeError: a field is not a name, a type that numpy knows, and a shape.
+        :raises ValueError: a field is given twice, or is none of these three.
         """
         row = np.dtype([(name, code, tuple(shape)) for name, code, shape in data["fields"]])
         return cls(data["name"], row, data["units"], data["description"])

@@ -139,7 +139,7 @@ class TouchDecider:
         if self._radius_m.ndim != 1 or not (self._radius_m >= 0).all():
             raise InputError(f"radius_m = {radius_m}; expected one radius of 0 m or more for each site")
         if lead_ns < 0:
-            raise InputError(f"lead_ns = {lead_ns} ns; allowed: at least 0 ns")
+            raise InputError(f"lead_ns = {lead_ns} ns; must be at least 0 ns")
         self.lead_ns = lead_ns
         self.release_lead_ns = lead_ns if release_lead_ns is None else release_lead_ns
         self._stale_ns = stale_ns

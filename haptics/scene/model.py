@@ -22,8 +22,11 @@ from haptics.scene.objects import Motion, SceneObject
 from haptics.scene.scene import Clutch, Scene
 from haptics.scene.signals import Signal
 from haptics.table_faults import faults_in_words, line_of, read_toml
+from haptics.units import brief
 
 AnyEffect = Annotated[ContactEffect | FixedSetEffect | PatternEffect | ProximityEffect | GraspEffect, Field(discriminator="kind")]
+IN_HAND_RADIUS_M = 0.03
+"""Of a ball or cylinder placed in the hand, until a hand has sized it."""
 Name = Annotated[
     str, Field(pattern=r"^[a-z][a-z0-9_]*$", description="lower-case letters, digits and underscores, beginning with a letter")
 ]
@@ -146,6 +149,7 @@ def read_scene(text: str, name: str, place: str, folder: Path | None = None) -> 
     :raises InputError: not TOML, or not a scene; with file, line and key.
     """
     data = read_toml(text, place)
+    _size_by_hand(data, text, place)
     try:
         as_json = json.dumps(data)  # strict JSON mode takes an array for a tuple, and nothing else for what it is not
     except (TypeError, RecursionError) as error:
@@ -159,6 +163,29 @@ def read_scene(text: str, name: str, place: str, folder: Path | None = None) -> 
         return file.scene(name, objects)
     except InputError as error:
         raise InputError(f"{place}: {error}") from error
+
+
+def _size_by_hand(data: dict, text: str, place: str) -> None:
+    """What a hand decides of the objects placed in it, no file does: refused where it is given, filled in where it is not."""
+    faults = []
+    objects = data.get("objects")
+    for index, table in enumerate(objects if isinstance(objects, list) else ()):
+        if not isinstance(table, dict) or table.get("placement") != "in_hand":
+            continue
+        shape = table.get("shape")
+        radius = shape if isinstance(shape, dict) and shape.get("kind") in ("sphere", "cylinder") else {}
+        for *within, key in (("shape", "radius_m"), ("position_m",)):
+            given = radius if within else table
+            if key in given:
+                line = line_of(text, ("objects", index, *within, key))
+                faults.append(
+                    f"{place}:{line}: {key} = {brief(given[key])} m of [[objects]] {table.get('name')!r} would not count: placed in_hand, "
+                    "it gets size and place from the hand's first closing stroke; "
+                    f"leave {key} out, or choose placement world or palm"
+                )
+        radius["radius_m"] = IN_HAND_RADIUS_M
+    if faults:
+        raise InputError("\n".join(faults))
 
 
 def _object(table: ObjectTable, index: int, folder: Path | None, text: str, place: str) -> SceneObject:

@@ -132,7 +132,7 @@ def check_object(item: SceneObject) -> None:
     one_of("placement", item.placement, PLACEMENTS)
     kinds = [effect.kind for effect in item.effects]
     if kinds.count("grasp") > 1:
-        raise InputError(f"object {item.name!r} has {kinds.count('grasp')} grasp effects; allowed: one at most")
+        raise InputError(f"object {item.name!r} has {kinds.count('grasp')} grasp effects; must be at most one")
     if item.grasp is not None and item.motion is not None:
         raise InputError(
             f"object {item.name!r} has a grasp effect and a motion; give one of them, as a grasped object follows the hand"

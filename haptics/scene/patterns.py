@@ -135,9 +135,9 @@ class PatternPlayer:
     :param pattern: one of ``PATTERNS``.
     :param direction: one of ``DIRECTIONS``.
     :param rate_scale: 0.1 to 10, multiplies the refresh rate and with it the speed of the passage.
-    :param duration_s: ends by itself after so long (the reference lasts 1 s); ``None`` goes on until stopped.
-    :param sites: pulse only these; ``None`` is all fifteen.
-    :raises InputError: an argument out of its range.
+    :param duration_s: ends by itself after so long, 0 to 3600 s (the reference lasts 1 s); ``None`` goes on until stopped.
+    :param sites: pulse only these, names of ``SITES``; ``None`` is all fifteen.
+    :raises InputError: an unknown pattern, direction or site, or a number out of its range.
     """
 
     def __init__(
@@ -165,7 +165,7 @@ class PatternPlayer:
 
     @property
     def playing(self) -> bool:
-        """Started, and neither stopped nor past its duration as far as pulses were asked for."""
+        """True from ``start`` until ``stop``, or until ``due`` was asked for pulses up to the end of ``duration_s``."""
         return self._playing
 
     @property
@@ -181,7 +181,7 @@ class PatternPlayer:
     def start(self, now_ns: int) -> None:
         """Begin a playback; one that still plays begins again.
 
-        :param now_ns: when the first refresh begins.
+        :param now_ns: when the first refresh begins, ns.
         """
         self._playing = True
         self._end_ns = None if self._duration_ns is None else now_ns + self._duration_ns

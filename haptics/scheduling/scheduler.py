@@ -111,7 +111,7 @@ class Scheduler:
         """
         channel = request.channel
         if channel >= len(self.budgets):
-            raise InputError(f"channel = {channel}; allowed: 0 to {len(self.budgets) - 1}")
+            raise InputError(f"channel = {channel}; must be 0 to {len(self.budgets) - 1}")
         self._serial += 1
         entry = UnderWay(request, now_ns, self._serial)
         outcomes = self._make_way(channel, now_ns)

@@ -9,12 +9,12 @@ from __future__ import annotations
 import math
 from contextlib import suppress
 from os import PathLike
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from haptics.devices.brake import LONGEST_PIEZO_S
-from haptics.errors import InputError
+from haptics.errors import InputError, nearest
 from haptics.link.limits import Wanted
 from haptics.link.messages import BRAKE_CHANNELS, DEFAULT_BAUD, DURATION_UNIT_US
 from haptics.link.ports import check_board_port
@@ -24,12 +24,39 @@ from haptics.physics.latch.pulse import PULSE_BACK_S, PULSE_TOWARD_S, TRAIN_BACK
 from haptics.physics.thermal.one_node import THERMAL, WORST_PULSE_POWER_W, bounding
 from haptics.scene.sites import SITES
 from haptics.scheduling.coil_heat import BUILT_ON_TIME_S, CoilHeat
-from haptics.table_faults import faults_in_words, read_toml
+from haptics.table_faults import faults_in_words, read_toml, unit_of
 from haptics.units import brief, file_path, one_of
 
 
 class _Part(BaseModel):
+    """A table of the file. Whoever makes one by hand gets the errors of a file, without its lines."""
+
     model_config = ConfigDict(extra="forbid", frozen=True)
+
+    def __init__(self, **keys: Any):
+        self._fill(keys, type(self).__name__)
+
+    __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]  # tables within a table are made without it
+
+    @classmethod
+    def model_validate(cls, obj: Any, **how: Any) -> Self:
+        """A table from plain data.
+
+        :param obj: its keys, or one that is made already.
+        :param how: as pydantic has it.
+        :return: checked and frozen.
+        :raises InputError: every key at fault, with its value and what is allowed.
+        """
+        try:
+            return super().model_validate(obj, **how)
+        except ValidationError as error:
+            raise InputError(faults_in_words(error, cls.model_json_schema(), obj, cls.__name__)) from error
+
+    def _fill(self, keys: dict, source: str, text: str | None = None) -> None:
+        try:
+            super().__init__(**keys)
+        except ValidationError as error:
+            raise InputError(faults_in_words(error, type(self).model_json_schema(), keys, source, text)) from error
 
 
 CALIBRATION_SDS = 3.0
@@ -63,7 +90,7 @@ class ActuatorCalibration(_Part):
     def _sds_of_values(self) -> ActuatorCalibration:
         for value, sd in (("tau_s", "tau_sd_s"), ("c_k_per_w", "c_sd_k_per_w"), ("power_w", "power_sd_w")):
             if getattr(self, value) is None and getattr(self, sd):
-                raise ValueError(f"{sd} = {getattr(self, sd):g} without {value}; expected both, or {value} alone")
+                raise ValueError(f"{sd} = {getattr(self, sd):g}{unit_of(sd)} without {value}; expected both, or {value} alone")
         return self
 
     def coil_heat(self) -> CoilHeat:
@@ -141,7 +168,8 @@ class TactilesConfiguration(_Part):
     @classmethod
     def _of_known_sites(cls, calibration: dict[str, ActuatorCalibration]) -> dict[str, ActuatorCalibration]:
         for site in calibration:
-            one_of("site", site, SITES)
+            if site not in SITES:
+                raise ValueError(f"calibration.{site} is of no site; known sites: {', '.join(SITES)}{nearest(site, SITES)}")
         return calibration
 
     @field_validator("sites")
@@ -226,14 +254,16 @@ class BrakeConfiguration(_Part):
     def _below_limits(self) -> BrakeConfiguration:
         for name, limit in _UNDER.items():
             if getattr(self, name) > getattr(self, limit):
-                raise ValueError(f"{name} = {getattr(self, name):g} is above {limit} = {getattr(self, limit):g}")
+                unit = unit_of(name)
+                raise ValueError(f"{name} = {getattr(self, name):g}{unit} is above {limit} = {getattr(self, limit):g}{unit}")
         return self
 
     @model_validator(mode="after")
     def _of_known_brakes(self) -> BrakeConfiguration:
-        unknown = [name for name in self.calibration if name not in self.channels]
-        if unknown:
-            raise ValueError(f"calibration of {', '.join(unknown)}, which no output drives; allowed: {', '.join(self.channels)}")
+        for name in self.calibration:
+            if name not in self.channels:
+                known = f"{', '.join(self.channels)}{nearest(name, self.channels)}"
+                raise ValueError(f"calibration.{name} is of no brake of this glove; its brakes (channels): {known}")
         return self
 
     def law(self, name: str) -> tuple[ForceLaw, float]:
@@ -273,6 +303,7 @@ class Configuration(_Part):
     :param tick_hz: rate of the render loop, 250 to 2000 Hz.
     :param tactiles: the array of tactors.
     :param brake: the brake controller.
+    :raises InputError: every key at fault, with its value and what is allowed.
     """
 
     side: Literal["auto", "left", "right"] = Field(default="auto", description="hand the glove is on; auto: the one seen most")
@@ -280,20 +311,6 @@ class Configuration(_Part):
     tick_hz: Annotated[int, Field(ge=250, le=2000)] = 1000
     tactiles: TactilesConfiguration = TactilesConfiguration()
     brake: BrakeConfiguration = BrakeConfiguration()
-
-    def __init__(self, **tables: Any):
-        """A configuration made by hand.
-
-        :param tables: its keys, as a file would have them.
-        :raises InputError: every key at fault, with its value and what is allowed.
-        """
-        self._fill(tables, "configuration")
-
-    def _fill(self, tables: dict, source: str, text: str | None = None) -> None:
-        try:
-            super().__init__(**tables)
-        except ValidationError as error:
-            raise InputError(faults_in_words(error, type(self).model_json_schema(), tables, source, text)) from error
 
 
 def load_configuration(path: str | PathLike[str] | None) -> Configuration:
@@ -313,8 +330,8 @@ def load_configuration(path: str | PathLike[str] | None) -> Configuration:
     except OSError as error:
         raise InputError(f"config = {str(path)!r} cannot be read: {error.strerror or error}") from error
     except UnicodeDecodeError as error:
-        raise InputError(f"configuration {path} is not TOML: {error}") from error
-    return check_configuration(read_toml(text, str(path)), f"configuration {path}", text)
+        raise InputError(f"{path} is not TOML: it is no text in UTF-8 ({error.reason} at byte {error.start})") from error
+    return check_configuration(read_toml(text, str(path)), str(path), text)
 
 
 def check_configuration(table: dict, source: str, text: str | None = None) -> Configuration:

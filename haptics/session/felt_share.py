@@ -71,7 +71,7 @@ def fault_of(felt: FeltShare, link: Link | None) -> str | None:
         return None
     reason, count = Counter(felt.failed).most_common(1)[0]
     failed, total = sum(felt.failed.values()), felt.played + sum(felt.failed.values())
-    what = f"{felt.board}: {failed} of {total} requests failed (allowed: {LARGEST_FAILED_SHARE:.0%}), {count} of them {reason}"
+    what = f"{felt.board}: {failed} of {total} requests failed (limit {LARGEST_FAILED_SHARE:.0%}), {count} of them {reason}"
     cure = _CURES.get(reason, "the board refused them")
     if reason == "clock" and link is not None:
         what += f": {_known(link.session.counters.clock_refused_ms, link.session.settings.max_error_s)}"

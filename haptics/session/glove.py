@@ -36,7 +36,7 @@ from haptics.session.recorder import Recorder
 from haptics.session.sampler import Sampler
 from haptics.session.service import JOIN_S, Service, go_off
 from haptics.time import seconds_to_ns
-from haptics.units import brief, file_path, number, one_of, truth, whole_number
+from haptics.units import brief, file_path, known_arguments, number, one_of, truth, whole_number
 
 
 class Rendered(Protocol):
@@ -133,6 +133,7 @@ class Glove:
             if self._service is not None:
                 self._service.served(armed=True)
 
+    @known_arguments
     def contact(self, site: str) -> None:
         """Bring a pin out to the skin, where it stays, without power, until :meth:`release`.
 
@@ -143,6 +144,7 @@ class Glove:
             array = self._array()
             array.contact(one_of("site", site, array.sites), devices.now_ns())
 
+    @known_arguments
     def release(self, site: str) -> None:
         """Take a pin back in.
 
@@ -153,6 +155,7 @@ class Glove:
             array = self._array()
             array.release(one_of("site", site, array.sites), devices.now_ns())
 
+    @known_arguments
     def pulse(self, site: str, count: int = 1, rate_hz: float = 50.0) -> None:
         """Taps: the pin toward the skin and back at once. Each may be denied by heat or current, which :meth:`results` reports.
 
@@ -168,6 +171,7 @@ class Glove:
             period_ns = seconds_to_ns(1.0 / number("rate_hz", rate_hz, 1.0, 100.0, "Hz"))
             array.train(site, count, period_ns, devices.now_ns())
 
+    @known_arguments
     def burst(self, site: str, cycles: int = MAX_CYCLES) -> None:
         """A short buzz at 200 Hz (thesis 3.4.5), which something more urgent may cut at the end of a cycle.
 
@@ -180,6 +184,7 @@ class Glove:
             one_of("site", site, array.sites)
             array.burst(site, whole_number("cycles", cycles, 1, MAX_CYCLES), devices.now_ns())
 
+    @known_arguments
     def brake(
         self,
         name: str,
@@ -208,6 +213,7 @@ class Glove:
             brakes.engage(name, volts, devices.now_ns(), ttl_s, frequency_hz)
             return volts
 
+    @known_arguments
     def release_brake(self, name: str | None = None) -> None:
         """Let go of a brake before its time.
 
@@ -221,6 +227,7 @@ class Glove:
             else:
                 brakes.release(self._brake_named(name, brakes), devices.now_ns())
 
+    @known_arguments
     def piezo(self, name: str, duration_s: float = 0.3) -> None:
         """Vibrate the fingertip piezo beside a brake, as at the begin of a grasp (thesis 4.6.1).
 
@@ -233,6 +240,7 @@ class Glove:
             self._brake_named(name, brakes)
             brakes.piezo([name], number("duration_s", duration_s, 0.001, LONGEST_PIEZO_S, "s"), devices.now_ns())
 
+    @known_arguments
     def advance(self, seconds: float) -> None:
         """Let virtual time pass.
 
@@ -478,6 +486,7 @@ class Glove:
         return self.devices.brakes
 
 
+@known_arguments
 def open(
     config: str | PathLike[str] | Configuration | None = None,
     *,

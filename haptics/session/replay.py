@@ -69,7 +69,7 @@ def replay_recording(path: str | Path) -> Replay:
     recording = load(path)
     header = recording.header
     if "scene_source" not in header or "wire" not in recording:
-        raise InputError(f"{path} cannot be replayed: it is no recording of `haptics run`")
+        raise InputError(f"{path} cannot be replayed: it is no recording of `haptics run`; haptics recording view shows it")
     if recording.streams["wire"].dtype != _WIRE.dtype:
         raise InputError(f"{path} cannot be replayed: its stream wire has other fields than `haptics run` records")
     _check_header(path, header)

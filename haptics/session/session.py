@@ -32,7 +32,7 @@ from haptics.session.plant_truth import PlantTruth
 from haptics.session.recorder import Recorder
 from haptics.session.sampler import KEPT, Sampler
 from haptics.time import LATEST_NS, NS_PER_S
-from haptics.units import a_callable, an_instance, whole_number
+from haptics.units import a_callable, an_instance, known_arguments, whole_number
 
 
 def device_leads(configuration: Configuration, scene: Scene) -> Leads:
@@ -81,6 +81,7 @@ class Session:
     :ivar leads: how long before a touch each device is driven.
     """
 
+    @known_arguments
     def __init__(
         self,
         scene: Scene,

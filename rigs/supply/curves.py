@@ -141,13 +141,15 @@ def ramp(trace: Trace, rise: int, settled_v: float) -> slice:
 
 
 def ramp_capacitance(trace: Trace, part: slice, losses: Losses, noise_v: float) -> tuple[float, float]:
-    """Capacitance from volts against charge over a ramp, whatever made the current; and the reduced chi squared of that line.
+    """Capacitance as the inverse slope of volts against charge over a ramp; and the reduced chi squared of that straight line.
+
+    The charge is the current summed over the ramp, less what bridge and probe take of it; the current need not be constant.
 
     :param trace: of one stretch.
-    :param part: samples of the ramp.
+    :param part: samples of the ramp, at least 5.
     :param losses: currents that do not charge the output.
-    :param noise_v: standard deviation of one sample, V.
-    :return: capacitance (F), and reduced chi squared.
+    :param noise_v: standard deviation of one sample of the volts, V, above 0.
+    :return: capacitance (F), and reduced chi squared: about 1 where noise alone keeps the samples off the line.
     :raises InputError: fewer than 5 samples.
     """
     count = part.stop - part.start

@@ -37,10 +37,10 @@ USE_PER_MIN = 44.0
 
 @dataclass(frozen=True)
 class Body:
-    """Heat of one actuator, as it is or as a host believes it is.
+    """What one tactor's temperature goes by: as it is, or as a host believes it is.
 
-    :param thermal: tau and c.
-    :param power_w: of the coil while it is on, W.
+    :param thermal: time constant (s), and rise per power of steady heating (K/W).
+    :param power_w: electric power of the coil while it is on, W.
     """
 
     thermal: ThermalParameters
@@ -48,7 +48,7 @@ class Body:
 
     @property
     def jump_k(self) -> float:
-        """Rise by one switch of 10 ms, K."""
+        """Rise right after one switch of 10 ms (``PULSE_S``) from cold, K."""
         return pulse_rise_k(self.power_w * PULSE_S, self.thermal)
 
 

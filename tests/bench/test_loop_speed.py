@@ -35,8 +35,8 @@ TEN_OBJECTS = 'summary = "ten things within reach of the fingers, two of them to
 [[objects]]
 name = "thing{i}"
 placement = "{"in_hand" if i == 0 else "palm"}"
-position_m = [{0.06 * (i % 5) - 0.12:.3f}, {-0.03 - 0.03 * (i // 5):.3f}, {-0.05 - 0.02 * (i % 3):.3f}]
-shape = {{ {SHAPES[i % 4]} }}
+{f"position_m = [{0.06 * (i % 5) - 0.12:.3f}, {-0.03 - 0.03 * (i // 5):.3f}, {-0.05 - 0.02 * (i % 3):.3f}]" if i else ""}
+shape = {{ {SHAPES[i % 4] if i else 'kind = "sphere"'} }}
 effects = [{{ kind = "contact" }}{', { kind = "grasp" }' if i < 2 else ""}]
 """
     for i in range(10)

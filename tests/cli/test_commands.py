@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import pytest
 
@@ -123,6 +124,7 @@ COMMANDS = (
     ("config", "schema"),
     ("recording", "info", "x.h5"),
     ("recording", "recover", "x.journal"),
+    ("recording", "view", "x.h5"),
     ("link", "simulate", "brake"),
 )
 
@@ -237,3 +239,28 @@ def test_a_view_does_not_take_the_place_of_its_recording(tmp_path, refused):
     assert "is the file read as the recording" in refused("recording", "view", mine, "--rrd", mine, "--force")
     assert "nothing to write; give --picture" in refused("recording", "view", mine)
     assert mine.read_bytes() == b"precious"
+
+
+def test_a_session_of_ones_own_is_pictured_like_a_run(command, refused, strict_json, tmp_path):
+    import haptics
+
+    out, picture = tmp_path / "own.h5", tmp_path / "own.png"
+    hand = haptics.load_hand("synthetic")
+    with haptics.open(tactiles="sim://tactiles", brake="sim://brake", clock="virtual", record=out) as glove:
+        session = haptics.Session(haptics.load_scene("playground").placed_for(hand), glove)
+        glove.arm()
+        session.begin()
+        for frame in list(hand.frames("right"))[:20]:
+            glove.advance(0.01)
+            session.submit(replace(frame, time_ns=glove.now_ns()))
+    code, said, _ = command("recording", "view", out, "--picture", picture, "--json")
+    assert code == 0
+    assert strict_json(said) == {"files": [str(picture)]}
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    assert "exists and is not overwritten" in refused("recording", "view", out, "--picture", picture)
+    assert "recording view" in refused("replay", out)
+    assert "nothing to write; give --picture FILE.png, --rrd FILE.rrd or both" in refused("recording", "view", out)
+    assert f"--picture = {out} is the file read as the recording" in refused("recording", "view", out, "--picture", out)
+    with haptics.open(tactiles="sim://tactiles", clock="virtual", record=tmp_path / "bare.h5") as glove:
+        glove.advance(0.01)
+    assert command("recording", "view", tmp_path / "bare.h5", "--picture", tmp_path / "bare.png")[0] == 0

@@ -38,7 +38,7 @@ def test_identify_tells_who_is_there_and_how_its_clock_runs(answer):
         ((VIRTUAL, "--baud", "115200"), "no byte came back", "the baud rate (boards use 500000)"),
         ((f"{VIRTUAL}&faults=drop=1,garbage=400",), "that form no frame", "the baud rate is probably wrong"),
         (("/dev/no-such-port",), "no such port", "sim://tactiles"),
-        (("sim://nobody",), "nobody", "allowed: tactiles, brake"),
+        (("sim://nobody",), "nobody", "there are sim://tactiles, sim://brake"),
     ],
     ids=["silent", "wrong baud", "noise", "missing", "no such board"],
 )

@@ -83,11 +83,18 @@ def test_the_inverse_gives_the_volts_that_hold_the_force(answer, law, force_n):
     assert told["law"] == law
 
 
-def test_past_breakdown_there_is_a_reason_and_no_force(answer):
-    told = answer("predict", "brake", "--volts", 4000)  # 308 V/um, above the film's 300
+def test_past_breakdown_there_is_a_reason_and_no_force(command, strict_json):
+    code, out, _ = command("predict", "brake", "--volts", 4000, "--json")  # 308 V/um, above the film's 300
+    told = strict_json(out)
+    assert code == 1
     assert told["valid"] is False
     assert any("breakdown" in reason for reason in told["reasons"])
     assert told["force_n"] == 0
+    code, shown, _ = command("predict", "brake", "--volts", 99999)
+    assert code == 1
+    assert "not valid: 99999 V is above the supply's 2000 V" in shown
+    assert "plateau" not in shown, "a row without a value"
+    assert " - " not in shown
 
 
 @pytest.mark.parametrize("arguments", [("--volts", 1999), ("--volts", 1500, "--hz", 500), ("--volts", 500, "--hz", 0)])

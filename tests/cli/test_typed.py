@@ -136,6 +136,61 @@ def test_a_command_that_is_nearly_right_gets_the_right_one(refused):
     assert "Did you mean 'scenes'?" in refused("scene")
 
 
+@pytest.mark.parametrize(
+    ("level", "said"),
+    [
+        ("coil=dynamic", "--level = 'coil=dynamic': there is no model 'coil' with levels; expected latch, brake"),
+        (
+            "latch=dynamc",
+            "--level = 'latch=dynamc': latch has no level 'dynamc'; expected event, table, dynamic, reference; did you",
+        ),
+        ("latch", "--level = 'latch'; expected MODEL=LEVEL, once for each model, such as latch=dynamic"),
+    ],
+)
+def test_a_level_is_named_as_it_was_typed(level, said, refused):
+    assert said in refused("run", "desk", "--level", level)
+
+
+def test_a_port_is_named_by_its_option(refused):
+    said = refused("run", "desk", "--port-tactiles", "sim://thermocouple")
+    assert "--port-tactiles = 'sim://thermocouple' is no simulated tactor array; expected sim://tactiles, or a real port" in said
+    said = refused("run", "desk", "--port-brake", "sim://tactiles")
+    assert "--port-brake = 'sim://tactiles' is no simulated brake controller; expected sim://brake, or a real port" in said
+    said = refused("link", "identify", "--port", "sim://tactile")
+    assert "--port = sim://tactile: there is no such simulated board; there are sim://tactiles, sim://brake, " in said
+    assert "did you mean tactiles?" in said
+    said = refused("characterize", "thermal", "--port", "sim://tactile")
+    assert "--port = 'sim://tactile' is no simulated tactor array; expected sim://tactiles, or a real port" in said
+
+
+@pytest.mark.parametrize(
+    ("words", "option"),
+    [
+        (("run", "desk", "--out"), "--out"),
+        (("run", "desk", "--picture"), "--picture"),
+        (("characterize", "thermal", "--out"), "--out"),
+        (("validate", "--out"), "--out"),
+        (("fidelity", "measure", "--quick", "--out"), "--out"),
+        (("garment", "bodies", "--export"), "--export"),
+        (("link", "simulate", "tactiles", "--trace"), "--trace"),
+        (("link", "simulate", "tactiles", "--link"), "--link"),
+    ],
+)
+def test_a_folder_that_is_not_there_is_not_made(words, option, refused, tmp_path):
+    missing = tmp_path / "nowhere" / ("x.obj" if option == "--export" else "x.h5")
+    said = refused(*words, missing)
+    assert f"{option} = {missing}: there is no folder {missing.parent}; make it, or choose another place" in said
+    assert not missing.parent.exists()
+
+
+def test_a_number_and_a_file_are_named_by_their_option(refused, tmp_path):
+    assert "Invalid value for '--budget': 'abc'; expected a number" in refused("run", "desk", "--budget", "abc")
+    nowhere = tmp_path / "nowhere"
+    assert f"--folder = {nowhere}: there is no such folder" in refused("fidelity", "onset", "--folder", nowhere)
+    missing = tmp_path / "none.toml"
+    assert f"--config = '{missing}' cannot be read: No such file" in refused("run", "desk", "--config", missing)
+
+
 def test_what_a_file_holds_is_not_taken_for_an_option(tmp_path, refused):
     (tmp_path / "g.toml").write_text('side = "up"\n')
     assert "--side" not in refused("run", "tennis", "--config", tmp_path / "g.toml")

@@ -42,7 +42,7 @@ def test_it_is_a_simulated_port(host) -> None:
 @pytest.mark.parametrize(
     ("url", "words"),
     [
-        ("sim://glove", ["glove", "tactiles, brake"]),
+        ("sim://glove", ["glove", "sim://tactiles, sim://brake"]),
         ("sim://tactiles?colour=red", ["unknown key 'colour'", "known keys: ", "seed", "tau_s"]),
         ("sim://tactiles?seed=first", ["seed", "first", "0 to"]),
         ("sim://tactiles?seed=1.5", ["seed", "1.5", "whole"]),

@@ -43,7 +43,7 @@ def test_a_decimetre_shirt_and_one_beyond_numbers():
 def test_what_no_unit_explains_has_no_cure():
     fault = size_fault(BOX * 1e-3, CUP)
     assert fault is not None
-    assert str(fault) == "it is 0.0001 m across; allowed: 0.002 to 3 m, as a cup is"
+    assert str(fault) == "it is 0.0001 m across; must be 0.002 to 3 m, as a cup is"
     assert size_fault(BOX, CUP) is None
 
 

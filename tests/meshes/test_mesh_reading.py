@@ -178,7 +178,7 @@ def test_a_large_file_is_counted_and_not_kept(tmp_path, monkeypatch, name):
         "text.stl": "solid a\n" + 3 * FACET.format(0) + "endsolid a\n",
         "a.stl": "\0" * 80 + "\3\0\0\0" + "\0" * 150,
     }
-    with pytest.raises(InputError, match="has 3 triangles; allowed: at most 2; reduce"):
+    with pytest.raises(InputError, match="has 3 triangles; at most 2 are read; reduce"):
         read(tmp_path, content[name], name)
 
 
@@ -190,5 +190,5 @@ def test_decimal_commas_in_an_stl_are_named(tmp_path):
 
 
 def test_a_scan_is_refused_with_what_to_do(tmp_path):
-    with pytest.raises(InputError, match=r"has 200001 triangles; allowed: at most 200000; reduce \(decimate\) it"):
+    with pytest.raises(InputError, match=r"has 200001 triangles; at most 200000 are read; reduce \(decimate\) it"):
         read(tmp_path, SQUARE + "f 1 2 3\n" * 200_001)

@@ -285,5 +285,5 @@ def test_the_rule_waits_while_the_touch_is_not_sure():
 
 @pytest.mark.parametrize("bad", [dict(radius_m=[-1.0], lead_ns=0), dict(radius_m=[0.0], lead_ns=-1)])
 def test_impossible_arguments_are_refused(bad):
-    with pytest.raises(InputError, match=r"allowed|expected"):
+    with pytest.raises(InputError, match=r"must be|allowed|expected"):
         TouchDecider([wall], **bad)

@@ -218,6 +218,30 @@ def test_every_fault_of_a_file_is_reported_at_once():
     assert len(str(caught.value).splitlines()) == 2
 
 
+def test_size_and_place_of_an_object_in_the_hand_are_the_hands():
+    in_hand = BALL.replace("effects =", 'placement = "in_hand"\nposition_m = [0, 0, 1]\neffects =')
+    with pytest.raises(InputError) as caught:
+        read(in_hand)
+    radius, position = str(caught.value).splitlines()
+    assert radius.startswith("mine.toml:4: radius_m = 0.03 m of [[objects]] 'ball' would not count: placed in_hand, ")
+    assert position.startswith("mine.toml:6: position_m = [0, 0, 1] m of [[objects]] 'ball' would not count")
+    assert radius.endswith("leave radius_m out, or choose placement world or palm")
+    free = in_hand.replace(", radius_m = 0.03", "").replace("position_m = [0, 0, 1]\n", "")
+    recording = load_hand("synthetic")
+    found = place_in_hand(recording)
+    assert found is not None
+    assert read(free).placed_for(recording).object("ball").body.shape == Sphere(found.radius_m)
+    assert read(free.replace('"sphere"', '"cylinder", height_m = 0.1')).unresolved == ("ball",)
+
+
+@pytest.mark.parametrize(
+    "table", ["objects = 3", '[[objects]]\nplacement = "in_hand"', '[[objects]]\nplacement = "in_hand"\nshape = 1']
+)
+def test_a_file_with_no_tables_for_the_hand_to_size_is_refused_by_key(table):
+    with pytest.raises(InputError, match=r"mine\.toml:\d+: (key 'name' is missing|objects = 3)"):
+        read('summary = "x"\n' + table)
+
+
 def test_a_plane_cannot_be_held_in_the_hand():
     with pytest.raises(InputError, match="sphere, cylinder, box"):
         Scene("mine", (SceneObject("floor", Placed(Plane()), placement="in_hand", resolved=False),))

@@ -10,7 +10,15 @@ from pathlib import Path
 import pytest
 
 from haptics.errors import InputError
-from haptics.session.configuration import Configuration, check_configuration, load_configuration
+from haptics.session.configuration import (
+    ActuatorCalibration,
+    BrakeCalibration,
+    BrakeConfiguration,
+    Configuration,
+    TactilesConfiguration,
+    check_configuration,
+    load_configuration,
+)
 from haptics.session.devices import Devices
 from haptics.table_faults import line_of
 
@@ -112,8 +120,51 @@ def test_a_calibrated_brake_gets_the_volts_of_its_own_law():
     law, overlap_m2 = check_configuration(own, "glove.toml").brake.law("index")
     # F = k (V^2 - V0^2) + 5 mN of off force, solved by hand for 4 N
     assert law.volts_for(4.0, overlap_m2) == pytest.approx(((4.0 - 0.005) / 8e-6 + 100.0**2) ** 0.5, rel=1e-9)
-    with pytest.raises(InputError, match=r"calibration of thumb, which no output drives; allowed: index"):
+    with pytest.raises(InputError, match=r"calibration\.thumb is of no brake of this glove; its brakes \(channels\): index"):
         check_configuration({"brake": {"channels": ["index"], "calibration": {"thumb": {"k_n_v2": 8e-6, "threshold_v": 1}}}}, "x")
+
+
+def test_faults_of_a_file_come_in_its_order_each_with_its_own_line(tmp_path):
+    path = tmp_path / "glove.toml"
+    path.write_text(
+        '[brake]\nchannels = ["index", "thumb"]\nmax_amplitude_v = 500\n\n'
+        "[brake.calibration.indx]\nk_n_v2 = 1e-5\nthreshold_v = 3\n"
+        '[tactiles]\nsites = ["index_tip", "palm_indx"]\n[tactiles.calibration.index_tip]\ntau_sd_s = 1\n'
+    )
+    with pytest.raises(InputError) as refused:
+        load_configuration(path)
+    brake, sites, calibration = str(refused.value).splitlines()
+    assert brake.startswith(
+        f"{path}:5: [brake]: calibration.indx is of no brake of this glove; its brakes (channels): index, thumb"
+    )
+    assert brake.endswith("did you mean index?")
+    assert sites.startswith(f"{path}:9: sites in [tactiles]: site = 'palm_indx' is not allowed; allowed: thumb_tip, ")
+    assert sites.endswith("did you mean palm_index?")
+    assert calibration.startswith(f"{path}:11: [tactiles.calibration.index_tip]: tau_sd_s = 1 s without tau_s")
+    path.write_text("[brake]\nmax_amplitude_v = 500\namplitude_v = 800\n")
+    with pytest.raises(InputError, match=r":3: \[brake\]: amplitude_v = 800 V is above max_amplitude_v = 500 V"):
+        load_configuration(path)
+    path.write_bytes(b"\xff\xfe")
+    with pytest.raises(InputError, match=r"glove.toml is not TOML: it is no text in UTF-8 \(invalid start byte at byte 0\)"):
+        load_configuration(path)
+
+
+@pytest.mark.parametrize("made", [lambda table, **keys: table(**keys), lambda table, **keys: table.model_validate(keys)])
+@pytest.mark.parametrize(
+    ("table", "keys", "said"),
+    [
+        (Configuration, {"side": "x"}, "Configuration: side = 'x'; allowed: auto, left, right"),
+        (Configuration, {"brake": {"volts": 3}}, "Configuration: unknown key 'volts' in [brake]; known keys: port"),
+        (TactilesConfiguration, {"rise_limit_k": 99}, "TactilesConfiguration: rise_limit_k = 99 K; allowed 1 to 30 K"),
+        (BrakeConfiguration, {"colour": 1}, "BrakeConfiguration: unknown key 'colour'; known keys: port"),
+        (BrakeCalibration, {"k_n_v2": 1e-5}, "BrakeCalibration: key 'threshold_v' is missing; it is required"),
+        (ActuatorCalibration, {"tau_s": -1}, "ActuatorCalibration: tau_s = -1 s; allowed 20 to 500 s"),
+    ],
+)
+def test_a_table_made_by_hand_is_refused_like_one_of_a_file(made, table, keys, said):
+    with pytest.raises(InputError) as refused:
+        made(table, **keys)
+    assert str(refused.value).startswith(said)
 
 
 def test_a_file_that_is_not_toml_is_refused_with_its_place(tmp_path):
@@ -130,7 +181,7 @@ def test_a_port_of_a_kind_that_is_not_opened_is_refused_in_a_file(tmp_path, part
     victim.write_text("mine")
     file = tmp_path / "glove.toml"
     file.write_text(f'[{part}]\nport = "{url.format(victim=victim)}"\n')
-    with pytest.raises(InputError, match=rf"port in \[{part}\]"):
+    with pytest.raises(InputError, match=rf"\[{part}\]: port = "):
         load_configuration(file)
     assert victim.read_text() == "mine"
 
@@ -147,7 +198,7 @@ def test_a_port_of_a_kind_that_is_not_opened_is_refused_in_a_file(tmp_path, part
             {"tactiles": {"calibration": {"index_tip": {"tau": 5}}}},
             "unknown key 'tau' in [tactiles.calibration.index_tip]; known keys: tau_s, tau_sd_s",
         ),
-        ({"brake": {"port": "spy://x"}}, "port in [brake]: port = 'spy://x' has the unknown kind"),
+        ({"brake": {"port": "spy://x"}}, "[brake]: port = 'spy://x' has the unknown kind"),
     ],
 )
 def test_an_unknown_key_is_refused_with_those_there_are(table, said):
@@ -217,9 +268,9 @@ def test_each_fault_of_a_file_has_its_own_line_with_the_place_in_the_file(tmp_pa
     with pytest.raises(InputError) as refused:
         load_configuration(file)
     first, *others = str(refused.value).splitlines()
-    assert first == f"configuration {file}:3: rise_limit_k = 99 K in [tactiles]; allowed 1 to 30 K"
-    assert f"configuration {file}:8: ttl_s = 9 s in [brake]; allowed 0.02 to 1 s" in others
-    assert any(line.startswith(f"configuration {file}:7: unknown key 'rise_limit_k' in [brake]") for line in others)
+    assert first == f"{file}:3: rise_limit_k = 99 K in [tactiles]; allowed 1 to 30 K"
+    assert f"{file}:8: ttl_s = 9 s in [brake]; allowed 0.02 to 1 s" in others
+    assert any(line.startswith(f"{file}:7: unknown key 'rise_limit_k' in [brake]") for line in others)
 
 
 def test_what_is_no_toml_is_shown_with_its_line(tmp_path):
@@ -237,7 +288,7 @@ def test_a_name_of_a_list_that_is_none_is_named_with_the_nearest(tmp_path):
 
 
 def test_a_configuration_made_by_hand_is_refused_in_the_project_s_own_words():
-    with pytest.raises(InputError, match=r"^configuration: side = 'x'; allowed: auto, left, right$"):
+    with pytest.raises(InputError, match=r"^Configuration: side = 'x'; allowed: auto, left, right$"):
         Configuration(side="x")
 
 

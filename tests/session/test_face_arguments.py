@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import math
+import pickle
 
 import numpy as np
 import pytest
@@ -28,6 +29,7 @@ def refused(call, *args, **kwargs) -> str:
         call(*args, **kwargs)
     words = (
         "allowed",
+        "must be",
         "expected",
         "at most",
         "No such file",
@@ -180,13 +182,54 @@ def test_one_port_is_not_two_boards():
 @pytest.mark.parametrize("url", ["sim://brake", "sim://thermocouple", "sim://tactile", "sim://"])
 def test_another_simulated_board_is_no_array(url):
     assert refused(haptics.open, tactiles=url, clock="virtual") == (
-        f"tactiles = '{url}' is not a simulated tactiles board; expected sim://tactiles, or a real port"
+        f"tactiles = '{url}' is no simulated tactor array; expected sim://tactiles, or a real port"
     )
 
 
 @pytest.mark.parametrize("url", ["sim://tactiles#x", "sim://tactiles/x", "sim://tactiles?seed=1&seed=2", "sim://tactiles?foo=1"])
 def test_a_simulated_board_is_opened_by_what_its_url_says_or_not_at_all(url):
     refused(haptics.open, tactiles=url, clock="virtual")
+
+
+@pytest.mark.parametrize(
+    ("call", "wrong", "said"),
+    [
+        (
+            haptics.open,
+            {"tactile": "sim://tactiles"},
+            "open() has no argument 'tactile'; known arguments: config, tactiles, brake, ",
+        ),
+        (haptics.Session, {"scen": None}, "Session() has no argument 'scen'; known arguments: scene, glove, "),
+        (haptics.HandFrame.from_joints, {"bases": "unity"}, "HandFrame.from_joints() has no argument 'bases'; known arguments: "),
+    ],
+)
+def test_an_argument_that_there_is_not_is_answered_with_those_there_are(call, wrong, said):
+    with pytest.raises(InputError) as caught:
+        call(**wrong)
+    assert isinstance(caught.value, TypeError)
+    assert str(caught.value).startswith(said)
+    assert "; did you mean " in str(caught.value)
+    assert str(pickle.loads(pickle.dumps(caught.value))) == str(caught.value)
+
+
+def test_a_glove_knows_the_arguments_of_its_calls(glove):
+    for method, wrong, meant in (
+        ("brake", "volt", "volts"),
+        ("pulse", "rate", "rate_hz"),
+        ("contact", "sit", "site"),
+        ("release", "sit", "site"),
+        ("burst", "cycle", "cycles"),
+        ("piezo", "duration", "duration_s"),
+        ("release_brake", "nam", "name"),
+        ("advance", "second", "seconds"),
+    ):
+        with pytest.raises(InputError, match=rf"Glove\.{method}\(\) has no argument '{wrong}'; .*did you mean {meant}\?"):
+            getattr(glove, method)(**{wrong: 1})
+
+
+def test_a_brake_is_called_a_brake(glove):
+    said = refused(glove.brake, "indx", volts=100.0)
+    assert said == "name = 'indx' is not a brake of this glove; expected index or thumb; did you mean index?"
 
 
 def test_a_port_is_no_configuration():

@@ -38,7 +38,7 @@ def test_the_dominant_cause_is_named_with_its_cure(reason, cure):
     failed = {reason: 7, "stalled": 2}
     said = fault_of(felt_share("brake", 1, failed), None)
     assert said is not None
-    assert said.startswith(f"brake: 9 of 10 requests failed (allowed: 20%), {failed[reason]} of them {reason}; ")
+    assert said.startswith(f"brake: 9 of 10 requests failed (limit 20%), {failed[reason]} of them {reason}; ")
     assert cure in said
 
 

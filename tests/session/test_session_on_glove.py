@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import haptics
 from haptics.recording.condition import condition_of
@@ -195,6 +196,32 @@ def test_joints_in_an_engines_own_basis_are_the_same_frame(name):
     np.testing.assert_allclose(frame.position_m[0], own.position_m[0], atol=0.01)
     with pytest.raises(haptics.InputError, match=r"basis = 'unty' .*did you mean unity"):
         haptics.HandFrame.from_joints(time_ns, "right", joints, basis="unty")
+
+
+@pytest.mark.parametrize("true", haptics.BASES)
+@pytest.mark.parametrize("stated", haptics.BASES)
+def test_a_wrong_basis_is_refused_with_one_that_fits(true, stated):
+    time_ns, joints = next(poses(40))
+    theirs = {joint: haptics.BASES[true].from_openxr(*pose) for joint, pose in joints.items()}
+    if haptics.BASES[true].axes == haptics.BASES[stated].axes:
+        haptics.HandFrame.from_joints(time_ns, "right", theirs, basis=stated)
+        return
+    with pytest.raises(haptics.InputError, match=rf"basis = '{stated}' does not fit the joints: .*basis='\w+' fits") as caught:
+        haptics.HandFrame.from_joints(time_ns, "right", theirs, basis=stated)
+    named = str(caught.value).split("basis='")[1].split("'")[0]
+    assert haptics.BASES[named].axes == haptics.BASES[true].axes
+    assert not haptics.HandFrame.from_joints(time_ns, "right", theirs, valid=False, basis=stated).valid
+
+
+def test_joints_with_axes_of_their_own_are_refused_with_what_to_do():
+    time_ns, joints = next(poses(40))
+    quarter = Rotation.from_euler("y", 90.0, degrees=True)
+    sideways = haptics.Basis("mine", ((0, 1, 0), (0, 0, 1), (1, 0, 0)))
+    with pytest.raises(haptics.InputError, match=r"basis = 'mine' does not fit"):
+        haptics.HandFrame.from_joints(time_ns, "right", joints, basis=sideways)
+    x_along = {joint: (place, (Rotation.from_quat(turn) * quarter).as_quat()) for joint, (place, turn) in joints.items()}
+    with pytest.raises(haptics.InputError, match=r"no basis of haptics\.BASES fits: turn each joint"):
+        haptics.HandFrame.from_joints(time_ns, "right", x_along)
 
 
 def test_a_session_ends_and_truth_is_there_though_the_boards_missed_their_host(monkeypatch):

@@ -10,7 +10,7 @@ from haptics.garments.mesh import Floats, Ints, SurfaceMesh
 
 
 def cut_out(vertices_m: Floats, triangles: Ints, field: Floats) -> tuple[Sparse, Ints]:
-    """The largest connected region where a field is positive.
+    """The connected region with most triangles of those where a field is positive.
 
     Each edge that the zero line crosses has the end that is nearer to the crossing moved onto it; then no edge crosses it, and
     whole triangles lie on one side. Triangles that hang on by a corner, or stick out with two free edges, are trimmed.
@@ -19,7 +19,7 @@ def cut_out(vertices_m: Floats, triangles: Ints, field: Floats) -> tuple[Sparse,
     :param triangles: vertex numbers, ``(triangles, 3)``.
     :param field: any value at the vertices, positive where to keep, ``(vertices,)``.
     :return: the region's vertices as mixtures of the given ones, ``(region's, vertices)``; its triangles, ``(n, 3)``.
-    :raises InputError: the field is positive nowhere.
+    :raises InputError: no whole triangle is left where the field is positive.
     """
     from scipy.sparse import csr_array
 

@@ -221,7 +221,7 @@ def _read(path: Path) -> tuple[dict[str, Any], DesignSequence]:
         with reading(path) as file:
             layout = file.attrs.get("haptics_designs")
             if layout not in range(1, LAYOUT + 1):
-                raise ValueError(f"its layout is {layout}; allowed: 1 to {LAYOUT}")
+                raise ValueError(f"its layout is {layout}; must be 1 to {LAYOUT}")
             if found is None and layout > _UNSEALED:
                 raise ValueError("the seal at its end is missing")
             final, latest = (

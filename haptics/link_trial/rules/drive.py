@@ -48,7 +48,7 @@ def _drive_values(host: RawHost) -> str:
 )
 def _charge(host: RawHost) -> str:
     limits = list(host.identity.limits)
-    need(limits[4] <= _CHARGE_NC, f"its limit is {limits[4]} nC; allowed: {_CHARGE_NC}")
+    need(limits[4] <= _CHARGE_NC, f"its limit is {limits[4]} nC; must be at most {_CHARGE_NC}")
     limits[4] = _LITTLE_NC
     host.expect("configure", limits)
     host.arm()

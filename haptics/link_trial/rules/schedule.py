@@ -41,7 +41,7 @@ def in_time(seen: list[Edge], due: list[tuple[int, int, int]], early_ns: int = 0
             off_ns = edge.time_ns - time_ns
             need(
                 -early_ns <= off_ns <= EDGE_NS,
-                f"channel {channel}: an edge {off_ns / 1000:g} us behind its tick; allowed: 0 to 10 us",
+                f"channel {channel}: an edge {off_ns / 1000:g} us behind its tick; must be 0 to 10 us",
             )
             worst_ns = max(worst_ns, off_ns)
     return f"{len(due)} edges, {worst_ns / 1000:g} us behind their tick at most"

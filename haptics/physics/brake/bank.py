@@ -200,8 +200,8 @@ class BrakeBank:
         try:
             each = np.broadcast_to(np.asarray(values, dtype=np.float64), (self.count,)).copy()
         except (TypeError, ValueError) as error:
-            raise InputError(f"{name} is neither a number nor {self.count} numbers; allowed: {low:g} to {high:g}") from error
+            raise InputError(f"{name} is neither a number nor {self.count} numbers; must be {low:g} to {high:g}") from error
         wrong = ~((each >= low) & (each <= high))
         if wrong.any():
-            raise InputError(f"{name} = {each[wrong][0]:g} is not allowed; allowed: {low:g} to {high:g}")
+            raise InputError(f"{name} = {each[wrong][0]:g}; must be {low:g} to {high:g}")
         return each

@@ -176,11 +176,11 @@ class BrakeBase(BrakePlant):
 
     def _check_time(self, to_s: float) -> None:
         if not self._now_s <= to_s <= LATEST_S:
-            raise InputError(f"time = {to_s!r} s is not allowed; allowed: {self._now_s!r} (it never goes back) to {LATEST_S:g} s")
+            raise InputError(f"time = {to_s!r} s; must be {self._now_s!r} (it never goes back) to {LATEST_S:g} s")
 
     def _check_output(self, output: int) -> int:
         if output not in range(self._system.outputs):
-            raise InputError(f"output = {output!r} is not allowed; allowed: 0 to {self._system.outputs - 1}")
+            raise InputError(f"output = {output!r}; must be 0 to {self._system.outputs - 1}")
         return output
 
     def _hand_m(self, output: int, time_s: float) -> float:

@@ -56,7 +56,7 @@ class OutputStage(BridgeCircuit):
         :raises InputError: time going back, a mask beyond the outputs, a number outside its range.
         """
         if not 0 <= mask < 1 << len(self._outputs):
-            raise InputError(f"mask = {mask:#x} is not allowed; allowed: 0 to {(1 << len(self._outputs)) - 1:#x}")
+            raise InputError(f"mask = {mask:#x}; must be 0 to {(1 << len(self._outputs)) - 1:#x}")
         in_range("volts", volts, 0.0, self._drive.supply_volts, "V")
         in_range("frequency_hz", frequency_hz, 0.0, self._drive.bridge_hz, "Hz")
         self.advance(time_s)
@@ -93,7 +93,7 @@ class OutputStage(BridgeCircuit):
         :raises InputError: time going back, a mask beyond the outputs, a number outside its range.
         """
         if not 0 <= mask < 1 << len(self._outputs):
-            raise InputError(f"mask = {mask:#x} is not allowed; allowed: 0 to {(1 << len(self._outputs)) - 1:#x}")
+            raise InputError(f"mask = {mask:#x}; must be 0 to {(1 << len(self._outputs)) - 1:#x}")
         in_range("volts", volts, 0.0, self._drive.supply_volts, "V")
         if polarity not in (-1, 0, 1):
             raise InputError(f"polarity = {polarity!r} is not allowed; allowed: -1, 0, 1")
@@ -126,7 +126,7 @@ class OutputStage(BridgeCircuit):
         :raises InputError: time going back.
         """
         if not self._now_s <= to_s < math.inf:
-            raise InputError(f"to_s = {to_s!r} s is not allowed; allowed: any from {self._now_s!r} s on; time only moves forward")
+            raise InputError(f"to_s = {to_s!r} s; must be at least {self._now_s!r} s; time only moves forward")
         # What may come next is compared first: nearly every call ends before it.
         while self._reversal_s <= to_s or self._now_s < self._charging_from_s <= to_s or self._breakdown_s <= to_s:
             at_s = self._next_event_s()

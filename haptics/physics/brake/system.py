@@ -139,7 +139,7 @@ class BrakeSystem:
             field, max_field = volts / self.brake.thickness_m * 1e-6, self.brake.breakdown_v_per_m * 1e-6
             raise InputError(
                 f"volts = {volts:g} V makes a field of {field:.4g} V/um, past breakdown: a fault, not a force; "
-                f"allowed: at most {self.breakdown_v:g} V ({max_field:g} V/um)"
+                f"must be at most {self.breakdown_v:g} V ({max_field:g} V/um)"
             )
         return volts
 

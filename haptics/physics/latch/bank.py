@@ -98,7 +98,7 @@ class LatchBank:
         count = len(self._state)
         each_v = self._each("volts", volts, count)
         if (np.abs(each_v) > 1e3).any():
-            raise InputError(f"volts = {each_v[np.abs(each_v).argmax()]:g} V is not allowed; allowed: -1000 to 1000 V")
+            raise InputError(f"volts = {each_v[np.abs(each_v).argmax()]:g} V; must be -1000 to 1000 V")
         ohms = self._ohms * (1.0 + self.parameters.resistance_per_k * self._each("rise_k", rise_k, count))
         if not (ohms > 0.0).all():
             raise InputError(f"rise_k makes a coil's resistance {ohms.min():g} ohm; it must stay positive")

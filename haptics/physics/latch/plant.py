@@ -135,7 +135,7 @@ def checked_time(to_s: float, now_s: float) -> float:
     :raises InputError: it is not.
     """
     if not now_s <= to_s < math.inf:
-        raise InputError(f"time = {to_s!r} s is not allowed; allowed: any from {now_s!r} s on; time only moves forward")
+        raise InputError(f"time = {to_s!r} s; must be at least {now_s!r} s; time only moves forward")
     return to_s
 
 

@@ -55,7 +55,7 @@ class TwoNodeParameters(Parameters):
         if not through_s < self.tau_s:
             raise InputError(
                 f"coil_j_per_k (1 / coupling_w_per_k + c_k_per_w) = {through_s:g} s leaves no heat capacity for the body; "
-                f"allowed: less than tau_s = {self.tau_s:g} s"
+                f"must be less than tau_s = {self.tau_s:g} s"
             )
 
     @property

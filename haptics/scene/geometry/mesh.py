@@ -179,7 +179,7 @@ def load_mesh(
     if scale is not None and units is not None:
         raise InputError(f"mesh {path}: scale = {scale:g} and units = {units!r} are both given; give one of them")
     if scale is not None and not (math.isfinite(scale) and scale > 0.0):
-        raise InputError(f"mesh {path}: scale = {scale:g} m per unit of the file; allowed: above 0 m")
+        raise InputError(f"mesh {path}: scale = {scale:g} m per unit of the file; must be above 0 m")
     unit_m = UNITS[one_of(f"units of mesh {path}", units, tuple(UNITS))] if units is not None else scale or 1.0
     if up is not None:
         one_of(f"up of mesh {path}", up, AXES)
@@ -205,7 +205,7 @@ def load_mesh(
     if repair or not found:
         pieces, _ = pieces_of(triangles)
         if pieces > MAX_PIECES:
-            raise InputError(f"mesh {path} is in {pieces} pieces; allowed: at most {MAX_PIECES}; join it where it was made")
+            raise InputError(f"mesh {path} is in {pieces} pieces; at most {MAX_PIECES} are read; join it where it was made")
         triangles, turned = outward(vertices, triangles)
         if turned:
             mended.append(f"it was inside out: {turned} of {len(triangles)} triangles turned")

@@ -40,7 +40,7 @@ def load_recorded(path: Path) -> HandRecording:
         if abs(sampled_ns - start_ns) > LONGEST_S * NS_PER_S:
             raise InputError(
                 f"hand {path}: pose {index} is {(sampled_ns - start_ns) / NS_PER_S:.6g} s from the start of the motion; "
-                f"allowed: up to {LONGEST_S:g} s"
+                f"must be at most {LONGEST_S:g} s"
             )
     tracks = []
     for side, track in dict.fromkeys(zip(poses["side"].tolist(), poses["track"].tolist(), strict=True)):

@@ -152,7 +152,7 @@ def _finger(pointable: dict, at: str) -> int:
     else:
         key, finger = "type", _whole(_member(pointable, "type", at), f"{at}.type")
     if not 0 <= finger <= 4:
-        raise InputError(f"{at}.{key} = {finger} is not allowed; allowed: 0 (thumb) to 4 (little finger)")
+        raise InputError(f"{at}.{key} = {finger}; must be 0 (thumb) to 4 (little finger)")
     return finger
 
 
@@ -181,7 +181,7 @@ def of_type(value: object, place: str, kind: type[Kind], expected: str) -> Kind:
 def _number(value: object, place: str, low: float, high: float, unit: str) -> float:
     # Comparing before converting keeps integers of any length, and NaN, out.
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not low <= value <= high:
-        raise InputError(f"{place} = {shown(value)} is not allowed; allowed: {low:.16g} to {high:.16g} {unit}")
+        raise InputError(f"{place} = {shown(value)}; must be {low:.16g} to {high:.16g} {unit}")
     return value
 
 

@@ -26,7 +26,7 @@ def check_schema(schema: object, place: str, depth: int = 0) -> list[Any]:
     if not isinstance(schema, list) or not schema:
         raise InputError(f"{place} is not a schema of packed rows; expected a list of names, or frames that are objects")
     if depth == DEEPEST:
-        raise InputError(f"{place} is nested too deeply; allowed: at most {DEEPEST} levels")
+        raise InputError(f"{place} is nested too deeply; at most {DEEPEST} levels are read")
     names: set[str] = set()
     for index, part in enumerate(schema):
         if isinstance(part, dict) and len(part) == 1:

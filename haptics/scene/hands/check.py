@@ -68,13 +68,13 @@ def check_frame(frame: HandFrame, previous: HandFrame | None) -> str | None:
     joint, axis = divmod(int(np.abs(position).argmax()), 3)
     if not abs(position[joint, axis]) <= FARTHEST_M:
         place = f"{position[joint, axis]:g} m along {'xyz'[axis]}"
-        where = f"{JOINTS[joint]} lies at {place}; allowed: within {FARTHEST_M:g} m; is the unit metres?"
+        where = f"{JOINTS[joint]} lies at {place}; must be within {FARTHEST_M:g} m; is the unit metres?"
         return where if np.isfinite(position).all() else f"the position of {_not_finite(position)} is not finite"
     norm = np.sqrt(np.vecdot(orientation, orientation))
     joint = int(np.abs(norm - 1.0).argmax())
     if not abs(norm[joint] - 1.0) <= NORM_TOLERANCE:
         wrong = int((np.abs(norm - 1.0) > NORM_TOLERANCE).sum())
-        others = f", and {wrong - 1} more are not 1 either" if wrong > 1 else ""
+        others = f", the worst of {wrong} such joints of {len(norm)}" if wrong > 1 else ""
         length = f"the quaternion of {JOINTS[joint]} has norm {norm[joint]:g}{others}; expected 1 within {NORM_TOLERANCE:g}"
         return length if np.isfinite(orientation).all() else f"the quaternion of {_not_finite(orientation)} is not finite"
     reach = position - position[JOINT["palm"]]
@@ -119,4 +119,4 @@ def _not_a_hands_size(joint: int, reach_m: float, palm_m: Floats) -> str:
             f"expected the farthest at {NEAREST_M * 1e3:g} mm or more; "
             "are its lengths in the right unit (a HandFrame has metres, a Leap recording millimetres)?"
         )
-    return f"{JOINTS[joint]} lies {reach_m:.3g} m from the palm; allowed: up to {WIDEST_M:g} m; is the unit metres?"
+    return f"{JOINTS[joint]} lies {reach_m:.3g} m from the palm; must be at most {WIDEST_M:g} m; is the unit metres?"

@@ -14,10 +14,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from haptics.errors import InputError
-from haptics.scene.hands.basis import Basis, Floats, basis as find_basis
+from haptics.scene.hands.basis import BASES, Basis, Floats, basis as find_basis
+from haptics.scene.hands.handedness import ALONG_BONES, along_bones, apparent_side
 from haptics.scene.hands.joints import JOINT, JOINTS, NOMINAL_RADIUS_M, SIDES, Side, joint_index
 from haptics.scene.hands.shown import shown
-from haptics.units import one_of
+from haptics.units import known_arguments, one_of
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,6 +43,7 @@ class HandFrame:
     radius_m: Floats = field(default_factory=lambda: NOMINAL_RADIUS_M)
 
     @classmethod
+    @known_arguments
     def from_joints(
         cls,
         time_ns: int,
@@ -53,7 +55,8 @@ class HandFrame:
     ) -> HandFrame:
         """A frame from named joints; the palm may be missing, as in WebXR, and is put in then (:func:`with_palm`).
 
-        Whether the numbers are a hand's is not asked here but by ``Session.submit``.
+        In a wrong basis the joints' own -Z axes do not run along their bones: it is refused, with the one that would fit. Whether
+        the thumb is on the side that ``side`` states, and whether a pose is plausible at all, is judged by ``Session.submit``.
 
         :param time_ns: when the pose was sampled, ns on the glove's clock.
         :param side: ``left`` or ``right``.
@@ -63,7 +66,8 @@ class HandFrame:
         :param valid: whether the tracker vouches for the pose.
         :param basis: whose axes and unit the numbers have: a name of ``BASES``, or one of your own.
         :return: the frame, in metres and OpenXR's basis.
-        :raises InputError: an unknown side, joint or basis, a joint given twice, missing or null, or not of that shape.
+        :raises InputError: an unknown side, joint or basis, a joint given twice, missing or null, or not of that shape; or, of a
+            pose that is valid, a basis that the joints contradict.
         """
         one_of("side", side, SIDES)
         axes = basis if isinstance(basis, Basis) else find_basis(basis)
@@ -85,10 +89,12 @@ class HandFrame:
         missing = [name for name in JOINTS[1:] if JOINT[name] not in seen]
         if missing:
             raise InputError(f"joints are missing: {', '.join(missing)}; only the palm may be")
-        position, orientation = axes.to_openxr(position, orientation)
         if JOINT["palm"] not in seen:
             position, orientation = with_palm(position[1:], orientation[1:])
-        return cls(time_ns, side, track_id, position, orientation, valid)
+        position_m, orientation_xyzw = axes.to_openxr(position, orientation)
+        if valid and along_bones(position_m, orientation_xyzw) < ALONG_BONES:
+            raise InputError(_other_basis(axes.name, side, position, orientation))
+        return cls(time_ns, side, track_id, position_m, orientation_xyzw, valid)
 
 
 def with_palm(position_m: ArrayLike, orientation_xyzw: ArrayLike) -> tuple[Floats, Floats]:
@@ -103,7 +109,7 @@ def with_palm(position_m: ArrayLike, orientation_xyzw: ArrayLike) -> tuple[Float
     """
     position, orientation = np.asarray(position_m, float), np.asarray(orientation_xyzw, float)
     if position.shape[-2:] != (25, 3) or orientation.shape[-2:] != (25, 4) or position.shape[:-2] != orientation.shape[:-2]:
-        raise InputError(f"shapes {position.shape} and {orientation.shape}; allowed: (..., 25, 3) and (..., 25, 4)")
+        raise InputError(f"shapes {position.shape} and {orientation.shape}; expected (..., 25, 3) and (..., 25, 4)")
     metacarpal, proximal = JOINT["middle_metacarpal"] - 1, JOINT["middle_proximal"] - 1
     palm = 0.5 * (position[..., metacarpal, :] + position[..., proximal, :])
     return (
@@ -120,6 +126,17 @@ def _vector(value: ArrayLike, count: int, what: str) -> Floats:
     if vector.shape != (count,) or vector.dtype.kind not in "fiu":
         raise InputError(f"{what} is {shown(value)}; expected {count} numbers (3 and 4 numbers a joint)")
     return vector.astype(float)
+
+
+def _other_basis(stated: str, side: Side, position: Floats, orientation: Floats) -> str:
+    """What is wrong with a basis whose -Z axes do not run along the bones, and which one would be right."""
+    cure = "no basis of haptics.BASES fits: turn each joint so that it points along its bone as your engine points forward"
+    for name, basis in BASES.items():
+        pose = basis.to_openxr(position, orientation)
+        if along_bones(*pose) >= ALONG_BONES and apparent_side(*pose) == side:
+            cure = f"basis={name!r} fits"
+            break
+    return f"basis = {stated!r} does not fit the joints: their forward axes do not run along the fingers' bones; {cure}"
 
 
 def mirrored(frame: HandFrame) -> HandFrame:

@@ -49,12 +49,14 @@ class PoseGate:
         self._doubted: HandFrame | None = None
 
     def judge(self, frame: HandFrame, now_ns: int | None = None) -> str | None:
-        """Check a pose against those before it.
+        """Check a pose by itself and against those before it, and set ``starts_anew`` and ``overturned``.
 
         :param frame: the pose.
-        :param now_ns: when it arrived; None: not known, so that its time is held against the poses before only.
-        :return: why it must not move anything, or None: then it is the last one accepted.
-        :raises InputError: not a ``HandFrame``.
+        :param now_ns: when it arrived, ns on the clock of its own times; None: not known, so that its time is only held against
+            that of the last pose accepted.
+        :return: why it must not move anything, in words; None if it may: then it is the last pose accepted. One refused for a
+            jump is kept until the next, which may prove it right.
+        :raises InputError: not a ``HandFrame``; one whose fields are wrong is refused instead.
         """
         if not isinstance(frame, HandFrame):
             raise InputError(f"frame is {shown(frame)}; expected a HandFrame (haptics.scene.HandFrame)")

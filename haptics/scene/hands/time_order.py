@@ -55,7 +55,7 @@ def why_not(time_ns: NDArray[np.int64], keep: NDArray[np.bool_], index: int) -> 
     before, after = kept[kept < index], kept[kept > index]
     off_s = (int(time_ns[index]) - int(time_ns[kept[0]])) / NS_PER_S
     if off_s > LONGEST_S:
-        return f"is {off_s:.6g} s after the first; allowed: up to {LONGEST_S:g} s"
+        return f"is {off_s:.6g} s after the first; must be at most {LONGEST_S:g} s"
     if len(before) and time_ns[index] <= time_ns[before[-1]]:
         return f"goes back; the frame before has {int(time_ns[before[-1]]) / NS_PER_US:.16g} us"
     if len(after) and time_ns[index] >= time_ns[after[0]]:

@@ -271,7 +271,7 @@ def test_sliding_takes_overlap_capacitance_and_force_in_proportion(level) -> Non
 def test_past_breakdown_is_refused_and_not_answered(level) -> None:
     plant = brake_plant(level, BrakeSystem(brake=BRAKE.with_values(thickness_m=4e-6)))
     plant.drive(0.0, 1, 1199.0, 10.0)
-    with pytest.raises(InputError, match=r"volts = 1201 V .*breakdown.*allowed: at most 1200 V"):
+    with pytest.raises(InputError, match=r"volts = 1201 V .*breakdown.*must be at most 1200 V"):
         plant.drive(0.1, 1, 1201.0, 10.0)
 
 

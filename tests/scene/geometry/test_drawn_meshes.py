@@ -63,7 +63,7 @@ def test_what_is_said_is_believed_with_a_note(tmp_path):
     for keys in ('units = "m"', "scale = 1"):
         made = scene(tmp_path, keys + ', up = "y"')
         assert made.notes == (
-            "thing: box.obj: it is 100 m across; allowed: 0.002 to 3 m, as something to touch is; kept as given",
+            "thing: box.obj: it is 100 m across; must be 0.002 to 3 m, as something to touch is; kept as given",
         )
         assert made.object("thing").body.shape.volume_m3 == pytest.approx(1e9 * np.prod(SIZE_M))
 
@@ -102,7 +102,7 @@ def test_more_pieces_than_can_be_sorted_are_refused_in_time(tmp_path, monkeypatc
     monkeypatch.setattr("haptics.scene.geometry.mesh.MAX_PIECES", 2)
     three = np.concatenate([BOX_VERTICES + np.array([k, 0, 0]) for k in (0, 0.2, 0.4)])
     path = write(tmp_path / "box.obj", three, np.concatenate([BOX_FACES + 8 * k for k in range(3)]))
-    with pytest.raises(InputError, match="in 3 pieces; allowed: at most 2; join it where it was made"):
+    with pytest.raises(InputError, match="in 3 pieces; at most 2 are read; join it where it was made"):
         load_mesh(path)
 
 

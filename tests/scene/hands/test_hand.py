@@ -73,7 +73,7 @@ def test_a_missing_palm_is_the_middle_of_the_middle_metacarpal():
     joints["middle_metacarpal"] = ([0.0, 0.0, 0.0], [0.6, 0.0, 0.0, 0.8])
     joints["middle_proximal"] = ([0.02, 0.04, -0.06], [0.0, 0.0, 0.0, 1.0])
     del joints["palm"]
-    frame = HandFrame.from_joints(5, "left", joints)
+    frame = HandFrame.from_joints(5, "left", joints, valid=False)  # no hand's joints, which their basis would contradict
     np.testing.assert_allclose(frame.position_m[0], [0.01, 0.02, -0.03], atol=1e-15)
     np.testing.assert_array_equal(frame.orientation_xyzw[0], [0.6, 0.0, 0.0, 0.8])
     many = with_palm(np.stack([frame.position_m[1:]] * 3), np.stack([frame.orientation_xyzw[1:]] * 3))

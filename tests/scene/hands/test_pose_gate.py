@@ -137,11 +137,15 @@ WRONG = [
     ({"position_m": np.zeros(())}, "shapes ()"),
     ({"position_m": np.zeros((26, 3))}, "the joints are in one point: all lie within 0 mm of the palm at 0, 0, 0 m"),
     ({"position_m": HAND.position_m * 100.0}, "10 m"),
-    ({"position_m": HAND.position_m * 5.0}, "m from the palm; allowed: up to 0.5 m; is the unit metres?"),
+    ({"position_m": HAND.position_m * 5.0}, "m from the palm; must be at most 0.5 m; is the unit metres?"),
     ({"position_m": HAND.position_m * 0.1}, "the joints are in one point"),
     ({"orientation_xyzw": None}, "orientation_xyzw is null"),
     ({"orientation_xyzw": np.zeros((26, 3))}, "shapes (26, 3) and (26, 3)"),
     ({"orientation_xyzw": np.zeros((26, 4))}, "the quaternion of palm has norm 0"),
+    (
+        {"orientation_xyzw": np.tile([0.0, 0.0, 0.0, 90.0], (26, 1))},
+        "the quaternion of palm has norm 90, the worst of 26 such joints of 26; expected 1 within 0.01",
+    ),
 ]  # fmt: skip
 
 
