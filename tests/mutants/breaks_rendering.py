@@ -13,8 +13,8 @@ RENDERING = [
         (
             "goes on without poses",
             "a hand that nobody sees is held for ever",
-            "now_ns - self._pose_ns > LOST_NS:",
-            "now_ns - self._pose_ns > 100 * LOST_NS:",
+            "now_ns - self._heard_ns > LOST_NS:",
+            "now_ns - self._heard_ns > 100 * LOST_NS:",
         ),
         (
             "comes back at once when poses come again",
@@ -50,8 +50,8 @@ RENDERING = [
         (
             "goes on after an arming as if nothing had been",
             "volts that an off took away come back without a touch",
-            "        self._forget(now_ns)\n        self._pose_ns, self._absent = None, True",
-            "        self._pose_ns, self._absent = None, True",
+            "        self._forget(now_ns)\n        self._heard_ns, self._absent = None, True",
+            "        self._heard_ns, self._absent = None, True",
         ),
         (
             "pins that an off left out stay out",
