@@ -180,8 +180,8 @@ def _size_by_hand(data: dict, text: str, place: str) -> None:
                 line = line_of(text, ("objects", index, *within, key))
                 name = table.get("name")
                 faults.append(
-                    f"{place}:{line}: {key} = {brief(given[key])} m of [[objects]] {name!r} would not count: placed in_hand, it gets "
-                    "size and place from the hand's first closing stroke; "
+                    f"{place}:{line}: {key} = {brief(given[key])} m of [[objects]] {name!r} would not count: placed in_hand, it "
+                    "gets size and place from the hand's first closing stroke; "
                     f"leave {key} out, or choose placement world or palm"
                 )
         radius["radius_m"] = IN_HAND_RADIUS_M

@@ -150,7 +150,7 @@ class EventLatch(LatchPlant):
 
     @property
     def position_m(self) -> float:
-        """Position, m: 0 at the off stop, ``stroke_m`` at the skin's; between them its form is assumed, only arrivals are fitted."""
+        """Position, m: 0 at the off stop, ``stroke_m`` at the skin's; in between only its arrivals are fitted."""
         return self._progress() * self._parameters.stroke_m
 
     @property
