@@ -4,6 +4,8 @@ import sys
 
 import h5py
 
+if len(sys.argv) != 2:
+    sys.exit("usage: python read_recording.py RUN.h5")
 with h5py.File(sys.argv[1]) as file:
     entry = file["entry"]
     print(f"{entry['title'][()].decode()}; {'complete' if entry.attrs['complete'] else entry.attrs['damage']}")

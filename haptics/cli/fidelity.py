@@ -53,7 +53,7 @@ def measure(
     for model in dict.fromkeys(row.model for row in table.rows):
         print_table(
             f"{model}: errors against the reference (version {table.version})",
-            ("level", "observable", "cases", "n", "refused", "median", "95 %", "worst"),
+            ("level", "observable", "cases", "n", "refused", "median", "95th", "worst"),
             (
                 (r.level, f"{r.observable}, {r.unit}", r.cases, r.n, r.refused, r.median, r.p95, r.worst)
                 for r in table.rows
@@ -184,7 +184,7 @@ def onset(
         for r in plain(rows)
         for how, s in (("predicted", r["fast"]), ("hold", r["fast"]["hold"]))
     ]
-    head = ("latency", "rule", "touches", "signed", "median", "95 %", "window", "missed", "false", "shallow")
+    head = ("latency", "rule", "touches", "signed", "median", "95th", "window", "missed", "false", "shallow")
     print_table("onset error, ms, of touches at 100 mm/s or more; missed, false and shallow per 100", head, flat)
 
 

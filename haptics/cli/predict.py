@@ -106,8 +106,6 @@ def brake(
     prediction = predict_brake(volts, **geometry) if volts is not None else predict_volts(force_n or 0.0, **geometry)
     pulled = plain(predicted_pull(prediction, level))
     _answer("electrostatic brake", plain(prediction) | pulled, json)
-    if pulled["plateau_n"] is None:  # past breakdown, supply or bridge: nothing that a brake could be asked for
-        raise typer.Exit(1)
 
 
 @app.command("recoil")

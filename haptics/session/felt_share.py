@@ -22,7 +22,7 @@ one request in five may fail and nearly every touch be felt, a little late; beyo
 _CURES = {
     "clock": FINER_LINE,
     "late": "the machine is too busy, or the line too slow: end other programs, or connect the board directly",
-    "full": "the board had another pulse then, or no place for more: commands reach it in bunches",
+    "full": "the coil was already playing, or the board's queue was full: commands arrive in bunches",
     "unknown": "commands were not answered: check cable and power",
     "unarmed": "the board was not armed: the faults name the cause",
     "interlock": "the board was not armed, or a fault is latched",

@@ -149,6 +149,9 @@ class Session:
             )
         brakes = self.devices.brakes
         driven = dict.fromkeys((*scene.needs.brakes, *scene.needs.piezos, *scene.needs.clutches))
+        if brakes is None and driven:
+            note = f"brake: scene {scene.name!r} drives {', '.join(driven)}, which this glove has not; open it with brake=…"
+            self.devices.notes += [note] * (note not in self.devices.notes)
         missing = [] if brakes is None else [name for name in driven if name not in brakes.channels]
         if brakes is not None and missing:
             raise InputError(

@@ -28,7 +28,7 @@ def test_the_share_is_of_what_was_not_denied_by_design_and_its_limit_is_allowed(
     [
         ("clock", "latency timer"),
         ("late", "too busy"),
-        ("full", "no place"),
+        ("full", "queue was full"),
         ("unknown", "cable"),
         ("unarmed", "not armed"),
         ("far", "refused"),

@@ -292,3 +292,13 @@ def test_without_a_name_every_brake_is_let_go_of():
         glove.release_brake()
         glove.advance(0.2)
         assert max(abs(volts) for volts in glove.truth().volts.values()) < 60.0
+
+
+def test_a_scene_that_drives_brakes_is_told_of_a_glove_without_them():
+    recording = haptics.load_hand("synthetic")
+    scene = haptics.load_scene("playground").placed_for(recording)
+    with haptics.open(tactiles=TACTILES, clock="virtual") as glove:
+        haptics.Session(scene, glove)
+        haptics.Session(scene, glove)
+        (note,) = [note for note in glove.state().notes if note.startswith("brake: ")]
+        assert "drives index, thumb, which this glove has not; open it with brake=" in note
