@@ -50,9 +50,9 @@ def test_better_fits_bend_time_at_a_limited_rate_and_never_turn_it_back():
     peer = Peer(-10.0, 200.0, line_ms=(0.1, 30.0))
     peer.ask(0)
     last_peer_ns = last_host_ns = None
-    for now_ns in range(40 * NS_PER_MS, 10 * NS_PER_S, 9 * NS_PER_MS):
-        if now_ns % (27 * NS_PER_MS) == 0:
-            peer.ask(now_ns)
+    for number, now_ns in enumerate(range(100 * NS_PER_MS, 10 * NS_PER_S, 9 * NS_PER_MS)):
+        if number % 10 == 0:
+            peer.ask(now_ns - 95 * NS_PER_MS)
         peer_ns = peer.at(now_ns)
         host_ns = peer.clock.to_host_ns(peer_ns)
         if last_peer_ns is not None:
