@@ -27,7 +27,7 @@ test: $(STAMP)  ## the tests (no torch needed); those of seconds are in make slo
 	$(BIN)/python -m pytest -n auto --dist worksteal
 
 slow: $(STAMP)  ## what make test leaves out: whole devices, garments and programs, firmware on the simulated chip
-	$(BIN)/python -m pytest -m slow -n auto --dist loadfile
+	$(BIN)/python -m pytest -m "slow and not soak and not bench" -n auto --dist loadfile
 
 check: $(STAMP)  ## format, lint, types, architecture
 	$(BIN)/ruff format --check .
