@@ -2,6 +2,18 @@
 
 from haptics.devices.brake import BrakeDriver, Refusal
 from haptics.devices.result import Reason, Result, ResultKind
+from haptics.devices.sharing import BrakeShare, SharedBrakes, SharedTactiles, TactilesShare
 from haptics.devices.tactiles import TactilesDriver
 
-__all__ = ["BrakeDriver", "Reason", "Refusal", "Result", "ResultKind", "TactilesDriver"]
+__all__ = [
+    "BrakeDriver",
+    "BrakeShare",
+    "Reason",
+    "Refusal",
+    "Result",
+    "ResultKind",
+    "SharedBrakes",
+    "SharedTactiles",
+    "TactilesDriver",
+    "TactilesShare",
+]

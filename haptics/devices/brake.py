@@ -23,25 +23,28 @@ LONGEST_PIEZO_S = 1.0
 """The longest time that a piezo is asked to vibrate at once, s."""
 _KINDS: dict[str, ResultKind] = {"drive": "brake", "piezo": "piezo"}
 """A result's kind, by the command's name."""
+PASSING = ("late", "full", "clock", "unknown")
+"""What was denied for one of these may be asked for again at once."""
 
 
 @dataclass(slots=True)
 class _Hold:
-    """One output that is wanted on: its volts, and when the wish ends unless renewed."""
+    """One output that is wanted on: its volts, and who asked for it."""
 
     amplitude_v: float
-    until_ns: int | None
     frequency_dhz: int
+    owner: str
 
 
 @dataclass(frozen=True, slots=True)
 class _Command:
-    """A command on its way. ``asked``: for each output it concerns, when that was asked for; None where it only goes on."""
+    """A command on its way. ``asked``: for each output it concerns, when that was asked for, None where it only goes on; and by
+    whom."""
 
     name: str
     sent_ns: int
     start_ns: int
-    asked: tuple[tuple[str, int | None], ...]
+    asked: tuple[tuple[str, int | None, str], ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,55 +92,81 @@ class BrakeDriver:
         self._armed = False
         self._holds: dict[int, _Hold] = {}
         self._refresh_ns = 0
-        self._next_end_ns: int | None = None
         self._changed = False
+        self._ended: Reason | None = None  # going off: nothing is held any more
         self._unsent: dict[int, int] = {}  # when holds were asked for of which no command speaks yet, by output
         self._replies: list[tuple[_Command, Pending]] = []
         self._answers: list[tuple[Refusal | None, list[Result]]] = []
         self.commands = 0
 
-    def engage(
-        self,
-        name: str,
-        amplitude_v: float,
-        now_ns: int,
-        ttl_s: float | None = None,
-        frequency_hz: float | None = None,
-    ) -> None:
-        """Volts on one output, as soon as possible; refused while ``unarmed``.
+    @property
+    def armed(self) -> bool:
+        """Whether what is asked for can play."""
+        return self._armed
+
+    def check(self, name: str, amplitude_v: float, frequency_hz: float | None) -> None:
+        """Refuse what :meth:`engage` would refuse.
+
+        :param name: of the output.
+        :param amplitude_v: V.
+        :param frequency_hz: Hz, or None.
+        :raises InputError: see :meth:`engage`.
+        """
+        self._index_of(name)
+        in_range("amplitude_v", amplitude_v, 0.0, self.max_amplitude_v, "V")
+        if frequency_hz is not None:
+            self._decihertz(frequency_hz)
+
+    def engage(self, name: str, amplitude_v: float, now_ns: int, frequency_hz: float | None = None, owner: str = "") -> None:
+        """Volts on one output, as soon as possible, until :meth:`release`; refused while ``unarmed``.
 
         :param name: of the output.
         :param amplitude_v: 0 to ``max_amplitude_v``. Outputs that are on together share the highest.
         :param now_ns: ns on the link's clock.
-        :param ttl_s: how long it is held, 1 ms to 60 s; until :meth:`release` if None.
         :param frequency_hz: of the square wave; the driver's own if None. Outputs that are on together share the highest.
+        :param owner: named in the results.
         :raises InputError: unknown output, volts outside 0 to the limit, or a frequency outside 0.1 Hz to the limit.
         """
         index = self._index_of(name)
         amplitude_v = in_range("amplitude_v", amplitude_v, 0.0, self.max_amplitude_v, "V")
-        until_ns = None if ttl_s is None else now_ns + seconds_to_ns(in_range("ttl_s", ttl_s, 0.001, 60.0, "s"))
         frequency_dhz = self._frequency_dhz if frequency_hz is None else self._decihertz(frequency_hz)
         if not self._armed:
-            self._answered(_Command("drive", now_ns, now_ns, ((name, now_ns),)), "unarmed")
+            self.refuse(name, "unarmed", now_ns, owner)
+            return
+        if self._ended is not None:
+            self.refuse(name, self._ended, now_ns, owner)
             return
         self._give_up(index, "superseded")
         self._unsent[index] = now_ns
-        self._holds[index] = _Hold(amplitude_v, until_ns, frequency_dhz)
+        self._holds[index] = _Hold(amplitude_v, frequency_dhz, owner)
         self._changed = True
-        self._plan_end()
 
-    def release(self, name: str, now_ns: int) -> None:
+    def refuse(self, name: str, reason: Reason, now_ns: int, owner: str = "") -> None:
+        """Answer a wish for an output that is not even asked of the board.
+
+        :param name: of the output.
+        :param reason: such as ``unarmed`` or ``outranked``.
+        :param now_ns: ns on the link's clock.
+        :param owner: named in the result.
+        """
+        if reason == "unarmed":
+            self._answered(_Command("drive", now_ns, now_ns, ((name, now_ns, owner),)), reason)
+        else:
+            self._answers.append((None, [Result(name, "brake", False, reason, now_ns, None, owner)]))
+
+    def release(self, name: str, now_ns: int, reason: Reason = "superseded") -> None:
         """Zero volts on one output.
 
         :param name: of the output.
         :param now_ns: ns on the link's clock.
+        :param reason: of the result, where no command spoke of it yet.
         :raises InputError: unknown output.
         """
         index = self._index_of(name)
-        if self._holds.pop(index, None) is not None:
-            self._give_up(index, "superseded")
+        if index in self._holds:
+            self._give_up(index, reason)
+            del self._holds[index]
             self._changed = True
-            self._plan_end()
 
     def release_all(self, now_ns: int) -> None:
         """Zero volts everywhere.
@@ -149,26 +178,35 @@ class BrakeDriver:
                 self._give_up(index, "superseded")
             self._holds.clear()
             self._changed = True
-            self._plan_end()
 
-    def piezo(self, names: Sequence[str], duration_s: float, now_ns: int, at_ns: int | None = None) -> None:
+    def piezo(self, names: Sequence[str], duration_s: float, now_ns: int, at_ns: int | None = None, owner: str = "") -> None:
         """Vibrate the fingertip piezos of these outputs' fingers (0.3 s when a grasp begins; thesis 4.6.1), unless ``unarmed``.
 
         :param names: of the outputs.
         :param duration_s: 1 ms to ``LONGEST_PIEZO_S``.
         :param now_ns: ns on the link's clock.
         :param at_ns: when it is to begin, ns; as soon as possible if None or too near.
+        :param owner: named in the results.
         :raises InputError: unknown output, or a duration outside 1 ms to 1 s.
         """
         mask = sum(1 << self._index_of(name) for name in names)
         duration_ms = round(in_range("duration_s", duration_s, 0.001, LONGEST_PIEZO_S, "s") * 1000)
         soonest_ns = now_ns + COMMAND_LEAD_NS
         start_ns = soonest_ns if at_ns is None else max(soonest_ns, at_ns)
-        command = _Command("piezo", now_ns, start_ns, tuple((name, now_ns) for name in names))
-        if not self._armed:
-            self._answered(command, "unarmed")
+        command = _Command("piezo", now_ns, start_ns, tuple((name, now_ns, owner) for name in names))
+        if not self._armed or self._ended is not None:
+            self._answered(command, self._ended or "unarmed")
             return
         self._send(command, mask, duration_ms)
+
+    def end(self, reason: Reason, now_ns: int) -> None:
+        """Zero volts everywhere, and from now on, until it is armed again, nothing is taken.
+
+        :param reason: given in the results of what is refused.
+        :param now_ns: ns on the link's clock.
+        """
+        self.release_all(now_ns)
+        self._ended = reason
 
     def set_armed(self, armed: bool) -> None:
         """The board was armed, or is no longer. Either way nothing is wanted, and no answer is waited for any more.
@@ -182,20 +220,14 @@ class BrakeDriver:
         for index in list(self._unsent):
             self._give_up(index, "unarmed")
         self._holds.clear()
-        self._changed, self._next_end_ns = False, None
-        self._armed = armed
+        self._changed = False
+        self._armed, self._ended = armed, None
 
     def tick(self, now_ns: int) -> None:
         """Send changes and refreshes that are due, and note refusals.
 
         :param now_ns: ns on the link's clock.
         """
-        if self._next_end_ns is not None and now_ns >= self._next_end_ns:
-            self._holds = {i: h for i, h in self._holds.items() if h.until_ns is None or h.until_ns > now_ns}
-            for index in [i for i in self._unsent if i not in self._holds]:
-                self._give_up(index, "late")
-            self._changed = True
-            self._plan_end()
         if self._changed or (self._holds and now_ns >= self._refresh_ns):
             self._drive(now_ns)
         if self._replies:
@@ -247,10 +279,6 @@ class BrakeDriver:
     def _decihertz(self, frequency_hz: float) -> int:
         return round(in_range("frequency_hz", frequency_hz, 0.1, self.max_frequency_hz, "Hz") * 10)
 
-    def _plan_end(self) -> None:
-        ends = [hold.until_ns for hold in self._holds.values() if hold.until_ns is not None]
-        self._next_end_ns = min(ends) if ends else None
-
     def _drive(self, now_ns: int) -> None:
         mask = sum(1 << i for i, hold in self._holds.items() if hold.amplitude_v > 0)
         amplitude_v = round(max((hold.amplitude_v for hold in self._holds.values()), default=0.0))
@@ -258,8 +286,8 @@ class BrakeDriver:
         self._changed = False
         self._refresh_ns = now_ns + self._ttl_ns // 3
         ttl_ms = self._ttl_ns // NS_PER_MS
-        asked = tuple((self.channels[i], self._unsent.get(i)) for i in self._holds) or tuple(
-            (name, None) for name in self.channels
+        asked = tuple((self.channels[i], self._unsent.get(i), hold.owner) for i, hold in self._holds.items()) or tuple(
+            (name, None, "") for name in self.channels
         )
         self._unsent.clear()
         command = _Command("drive", now_ns, now_ns + COMMAND_LEAD_NS, asked)
@@ -296,8 +324,10 @@ class BrakeDriver:
                 why,
                 command.sent_ns if asked_ns is None else asked_ns,
                 command.start_ns if played else None,
+                owner,
+                command.sent_ns if reason in PASSING else None,
             )
-            for name, asked_ns in command.asked
+            for name, asked_ns, owner in command.asked
             if not played or asked_ns is not None
         ]
         if reason is not None:
@@ -309,4 +339,5 @@ class BrakeDriver:
         """A hold of which no command spoke will not be."""
         asked_ns = self._unsent.pop(index, None)
         if asked_ns is not None:
-            self._answers.append((None, [Result(self.channels[index], "brake", False, reason, asked_ns, None)]))
+            owner = self._holds[index].owner
+            self._answers.append((None, [Result(self.channels[index], "brake", False, reason, asked_ns, None, owner)]))

@@ -6,14 +6,14 @@ from __future__ import annotations
 class Pin:
     """One bistable pin.
 
-    ``out`` is True or False by the last stroke that a board acknowledged, and None where nobody knows: a stroke was sent and not
-    answered, or the board may have been made safe before it played. Both a contact and a release are worth a stroke then.
+    ``out`` is True or False by the last stroke that a board acknowledged, and None where nobody knows: none was sent yet, or one
+    was not answered, or the board may have been made safe before it played. Both a contact and a release are worth a stroke then.
     """
 
     __slots__ = ("_ended_ns", "_pulsed_ns", "_under_way", "out", "wanted_out")
 
     def __init__(self) -> None:
-        self.out: bool | None = False
+        self.out: bool | None = None  # an earlier host may have left it out
         self.wanted_out = False
         self._ended_ns = self._pulsed_ns = -(1 << 62)
         self._under_way: dict[int, bool] = {}  # direction of each stroke without a result, by token, oldest first

@@ -11,6 +11,7 @@ Reason = Literal[
     "heat",  # no room under the limit of the coil's temperature rise
     "current",  # as many coils are on as the supply can feed
     "contact",  # a pulse or burst for a pin that rests on the skin
+    "outranked",  # a brake that an owner of higher priority, or of more volts, holds
     "cut",  # a burst, played in part
     "late",  # its time had passed
     "unarmed",  # no board is armed for it
@@ -39,6 +40,9 @@ class Result:
     :param reason: why it was denied or cut; None if it was played whole.
     :param requested_ns: when it was asked for, on the glove's clock.
     :param start_ns: when it begins, or was to; None if it came to no such time.
+    :param owner: who asked for it; empty for what the driver did by itself, such as the withdrawing sweep of an arming.
+    :param retry_ns: where it was denied, from when on the same can be asked for with hope, on the glove's clock; None where no
+        waiting helps.
     """
 
     site: str
@@ -47,3 +51,5 @@ class Result:
     reason: Reason | None
     requested_ns: int
     start_ns: int | None
+    owner: str = ""
+    retry_ns: int | None = None

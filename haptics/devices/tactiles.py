@@ -7,6 +7,7 @@ disarmed, all of it is denied and forgotten, and nothing of it plays after the n
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import cast
 
@@ -32,6 +33,8 @@ WORTH_ANOTHER_TRY = ("late", "full", "clock", "company", "unknown")
 wanted."""
 RELEASE_AGAIN_NS = {"hot": 250 * NS_PER_MS}
 """A release is asked for again for these reasons too, after this long: a pin is not left out."""
+PASSING = ("current", "late", "clock", "unknown", "company", "full")
+"""What was denied for one of these may be asked for again at once."""
 MAX_CYCLES = 10
 """Of a burst: 50 ms (thesis 3.5.2)."""
 _STROKES_OF_PINS = (Priority.CONTACT, Priority.RELEASE)
@@ -65,6 +68,7 @@ class TactilesDriver:
         self._channel = {site: channel for channel, site in enumerate(self.sites)}
         self._scheduler = Scheduler(len(self.sites), limits, self.budgets)
         self._pins = [Pin() for _ in self.sites]
+        self._askers = ["" for _ in self.sites]  # who asked last where each pin is to be
         self._armed = False
         self._spacing = TickSpacing()
         self._now_ns = 0
@@ -73,37 +77,45 @@ class TactilesDriver:
         self._release = (Stroke(False, contact_pulse_s),)
         self._pulse = (Stroke(True, PULSE_TOWARD_S), Stroke(False, PULSE_BACK_S))
         self._cycle = (Stroke(True, TRAIN_TOWARD_S), Stroke(False, TRAIN_BACK_S))
-        self._requests: dict[int, Request] = {}
+        self._requests: dict[int, tuple[Request, str]] = {}  # with its owner
         self._outcomes: dict[int, Outcome] = {}  # of those whose commands were not all answered
         self._commands = CoilCommands(link)
-        self._later: list[tuple[int, str, int]] = []
+        self._later: list[tuple[int, str, int, str]] = []
         self._next_token = 0
+        self._ended: Reason | None = None  # going off: nothing but releases from now on
         self._results: list[Result] = []
         self.overdue = 0
 
-    def contact(self, site: str, now_ns: int, at_ns: int | None = None) -> bool:
+    @property
+    def armed(self) -> bool:
+        """Whether what is asked for can play."""
+        return self._armed
+
+    def contact(self, site: str, now_ns: int, at_ns: int | None = None, owner: str = "") -> bool:
         """Bring the pin of a site to the skin, where it stays without power (thesis 3.4.5).
 
         :param site: one of ``sites``.
         :param now_ns: ns on the link's clock.
         :param at_ns: wanted start of the coil pulse, ns; as soon as possible if None or too near.
+        :param owner: named in the result.
         :return: False if it is out, or on its way, already: nothing was asked for then.
         :raises InputError: no tactor sits at this site.
         """
-        return self._set_pin(site, True, now_ns, at_ns)
+        return self._set_pin(site, True, now_ns, at_ns, owner)
 
-    def release(self, site: str, now_ns: int, at_ns: int | None = None) -> bool:
+    def release(self, site: str, now_ns: int, at_ns: int | None = None, owner: str = "") -> bool:
         """Withdraw the pin of a site; a contact that waits is given up.
 
         :param site: one of ``sites``.
         :param now_ns: ns on the link's clock.
         :param at_ns: wanted start of the coil pulse, ns; as soon as possible if None or too near.
+        :param owner: named in the result.
         :return: False if it is in, or on its way, already: nothing was asked for then.
         :raises InputError: no tactor sits at this site.
         """
-        return self._set_pin(site, False, now_ns, at_ns)
+        return self._set_pin(site, False, now_ns, at_ns, owner)
 
-    def pulse(self, site: str, now_ns: int, at_ns: int | None = None) -> None:
+    def pulse(self, site: str, now_ns: int, at_ns: int | None = None, owner: str = "") -> None:
         """One pulse-mode stroke: toward the skin and back at once, without touching it (thesis 3.4.5).
 
         A pin that is out stays out: the request is denied, ``contact``.
@@ -111,59 +123,66 @@ class TactilesDriver:
         :param site: one of ``sites``.
         :param now_ns: ns on the link's clock.
         :param at_ns: wanted start, ns; as soon as possible if None or too near.
+        :param owner: named in the result.
         :raises InputError: no tactor sits at this site.
         """
         channel = self._channel_of(site)
         self.overdue += at_ns is not None and at_ns < now_ns
         if at_ns is not None and self._armed and self._spacing.lead_ns > COMMAND_LEAD_NS:
-            self._play_later([(at_ns, site, now_ns)])  # others of this site may come before it, until the next tick
+            self._play_later([(at_ns, site, now_ns, owner)])  # others of this site may come before it, until the next tick
         else:
-            self._ask_pulse(channel, now_ns, at_ns)
+            self._ask_pulse(channel, now_ns, at_ns, owner)
 
-    def miss(self, site: str, now_ns: int) -> None:
+    def miss(self, site: str, now_ns: int, owner: str = "") -> None:
         """A pulse whose time had passed before anybody came to ask for it: denied, ``late``; ``unarmed`` while that is so.
 
         :param site: one of ``sites``.
         :param now_ns: ns on the link's clock.
+        :param owner: named in the result.
         :raises InputError: no tactor sits at this site.
         """
-        self._channel_of(site)
+        channel = self._channel_of(site)
         self.overdue += 1
-        self._results.append(Result(site, "pulse", False, "late" if self._armed else "unarmed", now_ns, None))
+        self._deny(channel, "pulse", "late" if self._armed else "unarmed", now_ns, owner)
 
-    def train(self, site: str, count: int, period_ns: int, now_ns: int) -> None:
+    def train(self, site: str, count: int, period_ns: int, now_ns: int, owner: str = "") -> None:
         """Pulses at a steady rate; each is a request of its own.
 
         :param site: one of ``sites``.
         :param count: how many.
         :param period_ns: from start to start, ns.
         :param now_ns: ns on the link's clock.
+        :param owner: named in the results.
         :raises InputError: no tactor sits at this site.
         """
-        self._channel_of(site)
+        channel = self._channel_of(site)
         if not self._armed:
-            self._results += [Result(site, "pulse", False, "unarmed", now_ns, None)] * count
+            for _ in range(count):
+                self._deny(channel, "pulse", "unarmed", now_ns, owner)
             return
         first_ns = now_ns + COMMAND_LEAD_NS
-        self._play_later([(first_ns + i * period_ns, site, now_ns) for i in range(count)])
+        self._play_later([(first_ns + i * period_ns, site, now_ns, owner) for i in range(count)])
 
-    def burst(self, site: str, cycles: int, now_ns: int, at_ns: int | None = None) -> None:
+    def burst(self, site: str, cycles: int, now_ns: int, at_ns: int | None = None, owner: str = "") -> None:
         """Cycles of 5 ms, 200 Hz (thesis 3.4.5); may be cut at the end of a cycle by something more urgent.
 
         :param site: one of ``sites``.
         :param cycles: 1 to 10, as a burst lasts at most 50 ms (thesis 3.5.2).
         :param now_ns: ns on the link's clock.
         :param at_ns: wanted start, ns; as soon as possible if None or too near.
+        :param owner: named in the result.
         :raises InputError: no tactor sits at this site, or too many cycles.
         """
         if not 1 <= cycles <= MAX_CYCLES:
             raise InputError(f"cycles = {cycles}; must be 1 to {MAX_CYCLES} (a burst lasts at most 50 ms)")
         channel = self._channel_of(site)
-        if self._armed and self._in_contact(channel):
-            self._results.append(Result(site, "burst", False, "contact", now_ns, None))
+        if self._armed and self._ended is not None:
+            self._deny(channel, "burst", self._ended, now_ns, owner)
+        elif self._armed and self._in_contact(channel):
+            self._deny(channel, "burst", "contact", now_ns, owner)
         else:
             self._make_sure_in(channel, now_ns)
-            self._submit(channel, Priority.BURST, self._cycle * cycles, now_ns, at_ns)
+            self._submit(channel, Priority.BURST, self._cycle * cycles, now_ns, at_ns, owner)
 
     def tick(self, now_ns: int) -> None:
         """Send what is due until the next tick and the command lead after it, and note what the board answered.
@@ -180,11 +199,11 @@ class TactilesDriver:
         pulses: list[CoilPulse] = []
         outcomes: list[Outcome] = []
         while self._later and self._later[0][0] <= last_ns:
-            at_ns, site, _ = self._later.pop(0)
+            at_ns, site, _, owner = self._later.pop(0)
             self.overdue += at_ns < now_ns
             if at_ns > first_ns:  # give out what comes before, so that this one does not replace it
                 self._give_out(first_ns, at_ns - 1, pulses, outcomes)
-            self._ask_pulse(self._channel[site], now_ns, at_ns)
+            self._ask_pulse(self._channel[site], now_ns, at_ns, owner)
         self._give_out(first_ns, last_ns, pulses, outcomes)
         if pulses:
             self._commands.send(pulses, now_ns)
@@ -197,7 +216,7 @@ class TactilesDriver:
     def _try_again(self, now_ns: int) -> None:
         for channel in [channel for channel, due_ns in self._again.items() if due_ns <= now_ns]:
             del self._again[channel]
-            self._set_pin(self.sites[channel], self._pins[channel].wanted_out, now_ns, None)
+            self._set_pin(self.sites[channel], self._pins[channel].wanted_out, now_ns, None, self._askers[channel])
 
     def _give_out(self, first_ns: int, last_ns: int, pulses: list[CoilPulse], outcomes: list[Outcome]) -> None:
         more_pulses, more_outcomes = self._scheduler.step(first_ns, last_ns)
@@ -230,7 +249,7 @@ class TactilesDriver:
         if sure_until_ns is not None:
             for pin in self._pins:
                 pin.doubt(sure_until_ns)
-        self._armed = armed
+        self._armed, self._ended = armed, None
         self._scheduler.set_armed(armed)
 
     def withdraw_all(self, now_ns: int) -> None:
@@ -243,17 +262,19 @@ class TactilesDriver:
                 self.release(site, now_ns)
 
     def end(self, reason: Reason) -> None:
-        """Deny whatever has not started, and want nothing any more.
+        """Deny whatever has not started, and from now on, until it is armed again, everything but releases.
 
         :param reason: given in the results.
         """
+        self._ended = reason
         self._again.clear()
         self._deny_later(reason)
         for outcome in self._scheduler.stop(reason):
             self._settle(outcome)
 
     def _deny_later(self, reason: Reason) -> None:
-        self._results += [Result(site, "pulse", False, reason, asked_ns, None) for _, site, asked_ns in self._later]
+        for _, site, asked_ns, owner in self._later:
+            self._deny(self._channel[site], "pulse", reason, asked_ns, owner)
         self._later.clear()
 
     @property
@@ -289,16 +310,31 @@ class TactilesDriver:
         """
         return self._scheduler.headroom_k(now_ns)
 
-    def _play_later(self, pulses: list[tuple[int, str, int]]) -> None:
+    def check_site(self, site: str) -> None:
+        """Refuse a site that is not of this array.
+
+        :param site: one of ``sites``.
+        :raises InputError: no tactor sits there.
+        """
+        self._channel_of(site)
+
+    def _play_later(self, pulses: list[tuple[int, str, int, str]]) -> None:
         self._later += pulses
         self._later.sort()
 
-    def _ask_pulse(self, channel: int, now_ns: int, at_ns: int | None) -> None:
-        if self._armed and self._in_contact(channel):
-            self._results.append(Result(self.sites[channel], "pulse", False, "contact", now_ns, None))
+    def _ask_pulse(self, channel: int, now_ns: int, at_ns: int | None, owner: str) -> None:
+        if self._armed and self._ended is not None:
+            self._deny(channel, "pulse", self._ended, now_ns, owner)
+        elif self._armed and self._in_contact(channel):
+            self._deny(channel, "pulse", "contact", now_ns, owner)
         else:
             self._make_sure_in(channel, now_ns)
-            self._submit(channel, Priority.PULSE, self._pulse, now_ns, at_ns)
+            self._submit(channel, Priority.PULSE, self._pulse, now_ns, at_ns, owner)
+
+    def _deny(self, channel: int, kind: ResultKind, reason: Reason, asked_ns: int, owner: str) -> None:
+        """What came to no request."""
+        retry_ns = asked_ns if reason in PASSING else None
+        self._results.append(Result(self.sites[channel], kind, False, reason, asked_ns, None, owner, retry_ns))
 
     def _in_contact(self, channel: int) -> bool:
         """The pin is out, or a contact or release is under way: a newer request would take its place.
@@ -311,17 +347,21 @@ class TactilesDriver:
     def _make_sure_in(self, channel: int, now_ns: int) -> None:
         """A release ahead of what is asked for now, where a pin may be out that nobody wants out."""
         if self._armed and self._pins[channel].out is None:
-            self._set_pin(self.sites[channel], False, now_ns, None)
+            self._set_pin(self.sites[channel], False, now_ns, None, "")
 
     def _channel_of(self, site: str) -> int:
         if site not in self._channel:
             raise InputError(f"site = {site!r} has no tactor; allowed: {', '.join(self.sites)}{nearest(site, self.sites)}")
         return self._channel[site]
 
-    def _set_pin(self, site: str, out: bool, now_ns: int, at_ns: int | None) -> bool:
+    def _set_pin(self, site: str, out: bool, now_ns: int, at_ns: int | None, owner: str) -> bool:
         channel = self._channel_of(site)
         pin = self._pins[channel]
+        if self._armed and self._ended is not None and out:
+            self._deny(channel, "contact", self._ended, now_ns, owner)
+            return False
         if self._armed:
+            self._askers[channel] = owner
             pin.wanted_out = out
             if not out:
                 for outcome in self._scheduler.withdraw_contact(channel, now_ns):
@@ -329,10 +369,12 @@ class TactilesDriver:
             if pin.heading is out:
                 return False
         priority, strokes = (Priority.CONTACT, self._contact) if out else (Priority.RELEASE, self._release)
-        self._submit(channel, priority, strokes, now_ns, at_ns)
+        self._submit(channel, priority, strokes, now_ns, at_ns, owner)
         return True
 
-    def _submit(self, channel: int, priority: Priority, strokes: tuple[Stroke, ...], now_ns: int, at_ns: int | None) -> None:
+    def _submit(
+        self, channel: int, priority: Priority, strokes: tuple[Stroke, ...], now_ns: int, at_ns: int | None, owner: str
+    ) -> None:
         soonest_ns = now_ns + COMMAND_LEAD_NS
         start_ns = soonest_ns if at_ns is None else max(soonest_ns, at_ns)
         request = Request(
@@ -343,7 +385,7 @@ class TactilesDriver:
             start_ns=start_ns,
             token=self._next_token,
         )
-        self._requests[self._next_token] = request
+        self._requests[self._next_token] = request, owner
         if priority in _STROKES_OF_PINS:
             self._pins[channel].ask(self._next_token, priority is Priority.CONTACT)
         self._next_token += 1
@@ -360,7 +402,7 @@ class TactilesDriver:
         """The result of a request, once scheduler and board have both answered."""
         if token not in self._outcomes or self._commands.waits_for(token):
             return
-        outcome, request = self._outcomes.pop(token), self._requests.pop(token)
+        outcome, (request, owner) = self._outcomes.pop(token), self._requests.pop(token)
         refused = self._commands.take_refusal(token)
         last = self._commands.take_last(token)
         reason = outcome.reason if not outcome.played else refused
@@ -370,7 +412,19 @@ class TactilesDriver:
         elif last is not None:
             self._settle_pulse(request.channel, *last)
         kind, why = _KINDS[request.priority], cast(Reason | None, reason)
-        self._results.append(Result(self.sites[request.channel], kind, played, why, request.submitted_ns, outcome.start_ns))
+        retry_ns = None if why is None else self._retry_ns(request, why)
+        site, asked_ns = self.sites[request.channel], request.submitted_ns
+        self._results.append(Result(site, kind, played, why, asked_ns, outcome.start_ns, owner, retry_ns))
+
+    def _retry_ns(self, request: Request, reason: Reason) -> int | None:
+        """From when on the same request would be let through, by what is known now."""
+        now_ns = max(self._now_ns, request.submitted_ns)
+        if reason in RELEASE_AGAIN_NS:
+            return now_ns + RELEASE_AGAIN_NS[reason]
+        if reason != "heat":
+            return now_ns if reason in PASSING else None
+        wait_s = self._scheduler.wait_s(request, now_ns)
+        return None if wait_s == math.inf else now_ns + seconds_to_ns(wait_s)
 
     def _settle_pin(self, token: int, request: Request, outcome: Outcome, reason: str | None) -> None:
         pin, out = self._pins[request.channel], request.priority is Priority.CONTACT

@@ -76,6 +76,16 @@ class Disarmed:
 
 
 @dataclass(frozen=True, slots=True)
+class FoundArmed:
+    """During the handshake the board was still armed, by a host that is gone; it is stopped.
+
+    :param time_ns: when this was noticed, host time (ns).
+    """
+
+    time_ns: int
+
+
+@dataclass(frozen=True, slots=True)
 class Rebooted:
     """The board started anew: its clock and queue are void, and it stays disarmed until somebody arms it.
 
@@ -113,4 +123,4 @@ class Lost:
     error: LinkError
 
 
-Event = Identified | Ready | ClockFit | Telemetry | FaultReported | Disarmed | Rebooted | Failed | Lost
+Event = Identified | Ready | ClockFit | Telemetry | FaultReported | Disarmed | FoundArmed | Rebooted | Failed | Lost

@@ -150,6 +150,7 @@ class Receiving(SessionState):
     def _stop_first(self, now_ns: int) -> None:
         """The board is still armed by a host that is gone, and takes no limits: it is made safe, then configured."""
         self._stopped_first = True
+        self._tell(happened.FoundArmed(now_ns))
         self._stopping = self._window.submit_alone(Pending("stop"), self.settings.stop_tries, "stopped")
         self._configure(now_ns)
         self._window.pump(now_ns, self._emit)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection
 
-from haptics.devices import BrakeDriver
+from haptics.devices import BrakeShare
 from haptics.rendering.events import LoopEvent
 from haptics.scene.clutch_rules import BodyState
 from haptics.scene.scene import Scene
@@ -18,12 +18,12 @@ class Clutching:
     """Keeps clutches as the rules want them.
 
     :param scene: whose rules, clutches and body signals.
-    :param brake: driver of the clutches, or None: rules run all the same.
+    :param brake: the clutches, or None: rules run all the same.
     :param amplitude_v: cap on a clutch's drive, V.
     :param report: takes each event as it happens.
     """
 
-    def __init__(self, scene: Scene, brake: BrakeDriver | None, amplitude_v: float, report: Callable[[LoopEvent], None]):
+    def __init__(self, scene: Scene, brake: BrakeShare | None, amplitude_v: float, report: Callable[[LoopEvent], None]):
         self._brake, self._report = brake, report
         self._rules = scene.clutch_rules() if scene.rules else None
         self.signals = scene.body_signals()
@@ -65,6 +65,7 @@ class Clutching:
             on = name in wanted
             self._report(LoopEvent(now_ns, "clutch_on" if on else "clutch_off", name))
             if self._brake is not None and on:
+                self._report(LoopEvent(now_ns, "wanted", name, "", "brake"))
                 self._brake.engage(name, self._volts[name], now_ns)
             elif self._brake is not None:
                 self._brake.release(name, now_ns)

@@ -168,7 +168,7 @@ class TouchDecider:
         self._turned_ns[:] = LONG_AGO_NS
         self._seen_m[:] = 0.0
         self._ends.clear()
-        self._drop_plans()
+        self.drop_plans()
 
     def adopt(self, index: int, other: TouchDecider, other_index: int = 0) -> None:
         """Take over from another decider of the same sites what it holds about one object: what touches it, and since when.
@@ -193,7 +193,7 @@ class TouchDecider:
         forecast = self._predictor.observe(time_ns, position_m)
         if forecast is None:
             return
-        self._drop_plans()
+        self.drop_plans()
         earliest_s = max(now_ns + self.lead_ns - time_ns, 0) / NS_PER_S
         if now_ns - time_ns > self._stale_ns or earliest_s >= self._p.horizon_s:
             return
@@ -221,7 +221,7 @@ class TouchDecider:
             return []
         decided, self._ends = self._ends, []
         if now_ns > self._dies_ns:
-            self._drop_plans()
+            self.drop_plans()
         rows, columns = (self._act_ns <= now_ns).nonzero()
         for row, column in sorted(zip(rows.tolist(), columns.tolist(), strict=True), key=lambda at: (self._act_ns[at], at)):
             decided.append(Decided(column, row, True, int(self._aimed_ns[row, column])))
@@ -267,7 +267,8 @@ class TouchDecider:
             self._act_ns[at], self._aimed_ns[at] = act_ns, act_ns + self.lead_ns
             self._next_ns = min(self._next_ns, act_ns)
 
-    def _drop_plans(self) -> None:
+    def drop_plans(self) -> None:
+        """Nothing is planned any more."""
         self._act_ns[:] = NEVER_NS
         self._next_ns = NEVER_NS
         self._dies_ns = NEVER_NS

@@ -8,7 +8,8 @@ open again.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,6 +23,13 @@ from haptics.time import NS_PER_MS
 WITHDRAW_NS = 60 * NS_PER_MS
 """A grasp that was acted for and has not begun this long after it should have is given up (assumed)."""
 FAR_M = 1.0
+
+
+class Due(NamedTuple):
+    """A grasp that is to be acted for now: of which object, and when it is expected (ns)."""
+
+    object: str
+    aimed_ns: int
 
 
 class GraspAhead:
@@ -62,18 +70,27 @@ class GraspAhead:
                 self._decider.put(index, tracker.body(name), PRESENT if free else FAR)
         self._decider.observe(time_ns, self._tips.reshape(1, 6), now_ns)
 
-    def due(self, now_ns: int) -> str | None:
+    def adopt(self, other: GraspAhead, names: Collection[str]) -> None:
+        """Take over what brakes are closed for, of objects that are the same in both.
+
+        :param other: stays as it is.
+        :param names: objects of both.
+        """
+        if other._closed_for in names:
+            self._closed_for, self._give_up_ns = other._closed_for, other._give_up_ns
+
+    def due(self, now_ns: int) -> Due | None:
         """Decide whether to close now.
 
         :param now_ns: the tick's time.
-        :return: the object to close for, or None.
+        :return: the object to close for, and when the grasp is expected; or None.
         """
         for decided in self._decider.due(now_ns):
             name = self._names[decided.object]
             free = self._closed_for is None and self._tracker.held is None
             if decided.begins and free and between(self._tracker.body(name), *self._tips):
                 self._closed_for, self._give_up_ns = name, decided.aimed_ns + WITHDRAW_NS
-                return name
+                return Due(name, decided.aimed_ns)
         return None
 
     def confirm(self, name: str) -> bool:

@@ -6,26 +6,26 @@ they hold when it comes.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 
 import numpy as np
 from numpy.typing import NDArray
 
-from haptics.devices import BrakeDriver
+from haptics.devices import BrakeShare
 from haptics.rendering.events import EventKind, LoopEvent
 from haptics.rendering.grasp_ahead import GraspAhead
+from haptics.rendering.resuming import Ramp
+from haptics.rendering.world import World
 from haptics.scene.effects import GraspEffect
-from haptics.scene.geometry.shapes import Placed
 from haptics.scene.grasp import GraspEvent
-from haptics.scene.scene import Scene
 from haptics.scene.sites import SITE
 
 
 class Grasping:
     """Follows thumb and index among the graspable objects of a scene, and drives the brakes.
 
-    :param scene: placed, so that every object has a place in the world.
-    :param brake: driver of the brakes, or None: grasps are followed all the same.
+    :param world: where objects are; one that this hand carries is moved there.
+    :param brake: the brakes, or None: grasps are followed all the same.
     :param amplitude_v: cap on a grasp's drive, V.
     :param lead_ns: from sending the drive until the brakes hold half of what they will.
     :param stale_ns: a pose older than this is not forecast from.
@@ -34,14 +34,16 @@ class Grasping:
 
     def __init__(
         self,
-        scene: Scene,
-        brake: BrakeDriver | None,
+        world: World,
+        brake: BrakeShare | None,
         amplitude_v: float,
         lead_ns: int,
         stale_ns: int,
         report: Callable[[LoopEvent], None],
     ):
-        self._scene, self._brake, self._amplitude_v, self._report = scene, brake, amplitude_v, report
+        scene = world.scene
+        self._world, self._scene, self._brake, self._amplitude_v, self._report = world, scene, brake, amplitude_v, report
+        self._ramp: Ramp | None = None
         self._fingers = scene.needs.brakes or scene.needs.piezos
         self.names = tuple(item.name for item in scene.objects if item.grasp is not None)
         """The objects that can be grasped."""
@@ -55,13 +57,15 @@ class Grasping:
         """The grasped object."""
         return self._tracker.held
 
-    def body(self, name: str) -> Placed:
-        """A graspable object where it is now.
+    def adopt(self, other: Grasping, names: Collection[str]) -> None:
+        """Go on with what another one held and had closed for, of objects that are the same in both.
 
-        :param name: one of ``names``.
-        :return: its shape at its present pose.
+        :param other: not used any more.
+        :param names: objects of both.
         """
-        return self._tracker.body(name)
+        self._tracker.adopt(other._tracker, [name for name in self.names if name in names])
+        if self._ahead is not None and other._ahead is not None:
+            self._ahead.adopt(other._ahead, names)
 
     def observe(self, time_ns: int, position_m: NDArray[np.float64], now_ns: int, quiet: bool) -> None:
         """Take a pose.
@@ -72,8 +76,13 @@ class Grasping:
         :param quiet: grasps are followed, and no device is driven.
         """
         thumb, index = position_m[SITE["thumb_tip"]], position_m[SITE["index_tip"]]
+        for name in self.names:
+            self._tracker.put(name, self._world.body(name))
         for event in self._tracker.update(time_ns, thumb, index):
             self._changed(event, now_ns, quiet)
+        held = self._tracker.held
+        if held is not None and held not in self._world.engines:
+            self._world.put(held, self._tracker.body(held))
         if self._ahead is not None and not quiet and self._tracker.held is None:
             self._ahead.observe(time_ns, thumb, index, now_ns)
 
@@ -82,15 +91,34 @@ class Grasping:
 
         :param now_ns: the tick's time.
         """
+        if self._ramp is not None:
+            self._climb(self._ramp, now_ns)
         if self._ahead is None:
             return
-        name = self._ahead.due(now_ns)
-        if name is not None:
-            self._close(self._effect(name), now_ns)
-            self._report(LoopEvent(now_ns, "grasp_ahead", "", name))
+        due = self._ahead.due(now_ns)
+        if due is not None:
+            self._report(LoopEvent(now_ns, "grasp_ahead", "", due.object, aimed_ns=due.aimed_ns))
+            self._close(due.object, now_ns, due.aimed_ns)
         if self._ahead.withdraw(now_ns) and self._tracker.held is None:
             self._open(now_ns)
             self._report(LoopEvent(now_ns, "grasp_withdrawn"))
+
+    def resume(self, now_ns: int) -> None:
+        """Hold again what is still in the hand, rising slowly to what it was held with.
+
+        :param now_ns: from when on.
+        """
+        if self._brake is not None and self.held is not None and self._effect(self.held).brakes:
+            self._ramp = Ramp(self.held, now_ns)
+
+    def _climb(self, ramp: Ramp, now_ns: int) -> None:
+        """The next step of a slow rise, of the same object in the same grasp."""
+        assert self._brake is not None
+        if self.held != ramp.object:
+            self._ramp = None
+        elif (share := ramp.step(now_ns)) is not None:
+            self._engage(self._effect(ramp.object), share, now_ns)
+            self._ramp = None if share >= 1.0 else ramp
 
     def let_go(self, now_ns: int, quiet: bool) -> None:
         """End a grasp, and forget what was planned: the hand is gone.
@@ -98,6 +126,7 @@ class Grasping:
         :param now_ns: when it went.
         :param quiet: no device is driven.
         """
+        self._ramp = None
         if self._ahead is not None:
             self._ahead.forget()
         for event in self._tracker.let_go(now_ns):
@@ -112,24 +141,35 @@ class Grasping:
         effect = self._effect(event.object)
         kind: EventKind = "grasp_begin" if event.kind == "begin" else "grasp_end"
         detail = f"ray {event.ray_m * 1e3:.1f} mm, penetration {event.penetration:.3f}, depth {event.depth_m * 1e3:.1f} mm"
+        if self._brake is not None and not self._brake.armed and effect.brakes:
+            detail += "; brakes are not armed"
         self._report(LoopEvent(now_ns, kind, "", event.object, detail, event.time_ns))
         if self._brake is None or quiet:
             return
         if event.kind == "begin":
             if self._ahead is None or not self._ahead.confirm(event.object):
-                self._close(effect, now_ns)
+                self._close(event.object, now_ns, event.time_ns)
         elif effect.brakes:
             self._open(now_ns)
 
-    def _close(self, effect: GraspEffect, now_ns: int) -> None:
+    def _close(self, name: str, now_ns: int, aimed_ns: int) -> None:
         assert self._brake is not None
-        if effect.brakes:
-            volts = min(effect.amplitude_v, self._amplitude_v)
-            frequency_hz = min(effect.frequency_hz, self._brake.max_frequency_hz)
+        effect = self._effect(name)
+        piezo = effect.piezo and effect.piezo_s > 0
+        for kind in [kind for kind, wanted in (("brake", effect.brakes), ("piezo", piezo)) if wanted]:
             for finger in self._fingers:
-                self._brake.engage(finger, volts, now_ns, frequency_hz=frequency_hz)
-        if effect.piezo and effect.piezo_s > 0:
+                self._report(LoopEvent(now_ns, "wanted", finger, name, kind, aimed_ns))
+        if effect.brakes:
+            self._engage(effect, 1.0, now_ns)
+        if piezo:
             self._brake.piezo(self._fingers, effect.piezo_s, now_ns)
+
+    def _engage(self, effect: GraspEffect, share: float, now_ns: int) -> None:
+        assert self._brake is not None
+        volts = share * min(effect.amplitude_v, self._amplitude_v)
+        frequency_hz = min(effect.frequency_hz, self._brake.max_frequency_hz)
+        for finger in self._fingers:
+            self._brake.engage(finger, volts, now_ns, frequency_hz=frequency_hz)
 
     def _open(self, now_ns: int) -> None:
         assert self._brake is not None

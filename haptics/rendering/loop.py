@@ -10,19 +10,22 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from haptics.devices import BrakeDriver, TactilesDriver
+from haptics.devices import BrakeShare, TactilesShare
 from haptics.devices.pace import COMMAND_LEAD_NS
 from haptics.rendering.clutching import Clutching
 from haptics.rendering.events import LoopEvent
 from haptics.rendering.grasping import Grasping
+from haptics.rendering.other_hand import OtherHand
 from haptics.rendering.pace_watch import PaceWatch
+from haptics.rendering.resuming import STEADY_NS, Resume
 from haptics.rendering.touch_ahead import TouchAhead
+from haptics.rendering.world import World
 from haptics.scene.contact import PinChange, Touch
 from haptics.scene.geometry.shapes import Placed
 from haptics.scene.hands.frame import HandFrame
 from haptics.scene.hands.handedness import apparent_side, contradiction
 from haptics.scene.hands.joints import SIDES
-from haptics.scene.hands.pose_gate import PoseGate
+from haptics.scene.hands.pose_gate import OTHER_HAND, PoseGate
 from haptics.scene.scene import Scene
 from haptics.scene.sites import SITES, SiteMap
 from haptics.time import NS_PER_MS, NS_PER_S
@@ -54,56 +57,99 @@ class RenderLoop:
 
     :param scene: placed, so that every object has a place in the world.
     :param sites: where the hand's sites are.
-    :param tactiles: driver of the array, or None where the scene has no use for one.
-    :param brake: driver of brakes or clutches, or None.
+    :param tactiles: the scene's share of the array, or None where there is none.
+    :param brake: the scene's share of brakes or clutches, or None.
     :param leads: how long before a touch each device must be commanded.
     :param brake_amplitude_v: cap on a grasp's drive, V.
     :param clutch_amplitude_v: cap on a clutch's drive, V.
     :param tick_ns: planned length of a tick; at twice that or more the loop reports ``overrun``, once until it recovers.
     :param side: of the hand that wears the glove; None follows the one that comes first.
+    :param resume: ``apart``: when poses come again after they had stopped, nothing is felt until the hand touches nothing;
+        ``gentle``: after a quarter of a second it goes on where it is, brakes rising slowly.
+    :param world: shared with the loop of another hand; one of its own if None.
     """
 
     def __init__(
         self,
         scene: Scene,
         sites: SiteMap,
-        tactiles: TactilesDriver | None,
-        brake: BrakeDriver | None,
+        tactiles: TactilesShare | None,
+        brake: BrakeShare | None,
         leads: Leads,
         brake_amplitude_v: float = 1500.0,
         clutch_amplitude_v: float = 1500.0,
         tick_ns: int = NS_PER_MS,
         side: str | None = None,
+        resume: Resume = "apart",
+        world: World | None = None,
     ):
-        self.scene, self.sites = scene, sites
-        self.tactiles, self.brake = tactiles, brake
+        self.sites, self.tactiles, self.brake = sites, tactiles, brake
+        self.world = World(scene) if world is None else world
+        self._leads, self._brake_v, self._clutch_v = leads, brake_amplitude_v, clutch_amplitude_v
+        self._resume_rule: Resume = resume
         self._start_ns = 0
         self._events: list[LoopEvent] = []
-        self._contacts = scene.contact_tracker()
-        self._patterns = scene.pattern_bank()
-        self._watched = self._patterns.watched
-        self._grasps = Grasping(scene, brake, brake_amplitude_v, round(leads.brake_s * NS_PER_S), STALE_NS, self._events.append)
-        self._clutches = Clutching(scene, brake, clutch_amplitude_v, self._events.append)
-        self.signals = self._clutches.signals
-        self._bodies: dict[str, Placed] = {item.name: item.body for item in scene.objects}
-        self._moving = tuple(item for item in scene.objects if item.motion is not None)
-        self._touchable = tuple(item.name for item in scene.objects if _can_be_touched(scene, item.name))
-        self._touch_ahead = TouchAhead(
-            self.body,
-            self._touchable,
-            [item.name for item in self._moving if item.name in self._touchable],
-            sites.radius_m,
-            round(leads.pin_s * NS_PER_S),
-            round(leads.pin_back_s * NS_PER_S),
-            STALE_NS,
-        )
+        self._render(scene)
+        self._other = OtherHand(self.world, sites, self._events.append)
         self._pace = PaceWatch(tick_ns)
         self._gate = PoseGate(side)
         self._followed: tuple[str, int] | None = None
         self._heard_ns: int | None = None  # when the last pose that was accepted arrived
+        self._steady_since_ns = 0  # poses have come without a long gap since
+        self._waits_for = ""  # what keeps it from going on after poses had stopped
         self._quiet = False
         self._absent = False  # no pose since the devices were armed anew, or the hand has gone: nothing is felt without one
-        self._left_out: list[str] = []
+
+    def _render(self, scene: Scene) -> None:
+        """Everything that follows from the scene."""
+        self.scene = scene
+        self._contacts = scene.contact_tracker()
+        self._patterns = scene.pattern_bank()
+        self._watched = self._patterns.watched
+        brake_lead_ns = round(self._leads.brake_s * NS_PER_S)
+        self._grasps = Grasping(self.world, self.brake, self._brake_v, brake_lead_ns, STALE_NS, self._events.append)
+        self._clutches = Clutching(scene, self.brake, self._clutch_v, self._events.append)
+        self._clutches.begin(self._start_ns)
+        self.signals = self._clutches.signals
+        self._touchable = tuple(item.name for item in scene.objects if _can_be_touched(scene, item.name))
+        self._touch_ahead = TouchAhead(
+            self.body,
+            self._touchable,
+            [name for name in self._touchable if name in self.world.moving],
+            self.sites.radius_m,
+            round(self._leads.pin_s * NS_PER_S),
+            round(self._leads.pin_back_s * NS_PER_S),
+            STALE_NS,
+        )
+
+    def change_scene(self, scene: Scene, leads: Leads, now_ns: int) -> None:
+        """Go on with another scene. What both have alike (name, shape, effects) goes on being felt; all else is let go of.
+
+        :param scene: placed.
+        :param leads: how long before a touch each device must be commanded now.
+        :param now_ns: when that was asked for.
+        """
+        kept = _alike(self.scene, scene)
+        for name in [name for name in self.scene.names if name not in kept]:
+            for site in sorted(self._contacts.touching(name)):
+                self._apply(*self._contacts.leave(site, name, now_ns), now_ns)
+        if self._grasps.held not in (None, *kept):
+            self._grasps.let_go(now_ns, self._quiet)
+        contacts, patterns, ahead, grasps = self._contacts, self._patterns, self._touch_ahead, self._grasps
+        clutches = self._clutches if (scene.rules, scene.clutches) == (self.scene.rules, self.scene.clutches) else None
+        self.world.change(scene)
+        self._leads = leads
+        self._render(scene)
+        self._contacts.adopt(contacts, kept)
+        self._patterns.adopt(patterns, kept)
+        self._grasps.adopt(grasps, kept)
+        self._touch_ahead.adopt(ahead, [name for name in self._touchable if name in kept])
+        self._other.change()
+        if clutches is not None:
+            self._clutches, self.signals = clutches, clutches.signals
+        elif self.brake is not None:
+            for clutch in set(self.brake.engaged()) - set(scene.needs.brakes):
+                self.brake.release(clutch, now_ns)
 
     def begin(self, start_ns: int) -> None:
         """Start the scene's own clock, which its motions and signals follow.
@@ -111,24 +157,21 @@ class RenderLoop:
         :param start_ns: when that clock reads zero.
         """
         self._start_ns = start_ns
+        self.world.begin(start_ns)
         self._clutches.begin(start_ns)
 
     def start_over(self, now_ns: int) -> None:
         """Begin anew after the devices were armed: what was felt before is over, until a new pose decides otherwise.
 
-        Pins that stayed out meanwhile, as they are bistable, stay until that pose comes, and go back then.
-
         :param now_ns: when the devices were armed.
         """
         self._forget(now_ns)
         self._heard_ns, self._absent = None, True
-        if self.tactiles is not None:
-            self._left_out = [site for site, out in zip(self.tactiles.sites, self.tactiles.pins_out(), strict=True) if out]
 
     # Poses ----------------------------------------------------------------------------------------------------------
 
     def submit(self, frame: HandFrame, now_ns: int) -> str | None:
-        """Take a pose that has arrived.
+        """Take a pose that has arrived. One of the hand without a glove moves what that hand carries, and is not felt.
 
         :param frame: 26 joints in OpenXR's basis.
         :param now_ns: when it arrived, on the clock of ``tick``.
@@ -136,6 +179,10 @@ class RenderLoop:
         :raises InputError: not a ``HandFrame``; one with wrong fields is refused with the reason like any other bad pose.
         """
         reason = self._gate.judge(frame, now_ns)
+        if reason is OTHER_HAND:
+            reason = self._other.submit(frame, now_ns)
+            if reason is None:
+                return None
         if reason is not None:
             side = frame.side if isinstance(frame.side, str) and frame.side in SIDES else ""
             self._events.append(LoopEvent(now_ns, "pose_refused", side, "", reason))
@@ -145,42 +192,40 @@ class RenderLoop:
         if (frame.side, frame.track_id) != self._followed:
             self._followed = (frame.side, frame.track_id)
             self._note_handedness(frame, now_ns)
+        if self._heard_ns is None or now_ns - self._heard_ns > LOST_NS:
+            self._steady_since_ns = now_ns
         self._heard_ns, self._absent = now_ns, False
-        if self._left_out and self.tactiles is not None:
-            for site in self._left_out:
-                self.tactiles.release(site, now_ns)
-            self._left_out.clear()
-        self._move_objects(frame.time_ns)
+        if self._other.frame is not None and self._other.frame.side == frame.side:
+            self._other.gone(now_ns)  # it is the one with the glove now
+        self.world.advance(frame.time_ns)
         positions = self.sites.positions(frame.position_m, frame.orientation_xyzw)
         if self._quiet:
             self._resume(positions, now_ns)
         if self._grasps.names:
             self._grasps.observe(frame.time_ns, positions, now_ns, self._quiet)
-            for name in self._grasps.names:
-                self._bodies[name] = self._grasps.body(name)
         if not self._quiet:
             if self._touchable:
                 self._touch_ahead.observe(frame.time_ns, positions, now_ns, self._grasps.held)
             for name in self._watched:
-                nearest_m = float((self._bodies[name].distance(positions) - self.sites.radius_m).min())
+                nearest_m = float((self.body(name).distance(positions) - self.sites.radius_m).min())
                 self._patterns.approach(name, nearest_m, now_ns)
         return None
-
-    def _move_objects(self, time_ns: int) -> None:
-        time_s = (time_ns - self._start_ns) / NS_PER_S
-        for item in self._moving:
-            self._bodies[item.name] = item.body_at(time_s)
 
     def _note_handedness(self, frame: HandFrame, now_ns: int) -> None:
         wrong = contradiction(frame.side, apparent_side(frame.position_m, frame.orientation_xyzw))
         if wrong is not None:
             self._events.append(LoopEvent(now_ns, "handedness", frame.side, "", wrong))
 
-    def hand_gone(self, now_ns: int) -> None:
+    def hand_gone(self, now_ns: int, side: str | None = None) -> None:
         """Let go of everything, quietly, as the tracker reports that the hand is no longer there.
 
         :param now_ns: when that was reported.
+        :param side: of the hand that has gone; None: both.
         """
+        if side is None or (self._other.frame is not None and self._other.frame.side == side):
+            self._other.gone(now_ns)
+        if side is not None and self._followed is not None and self._followed[0] != side:
+            return
         self._let_go(now_ns)
         self._gate.forget()
         self._heard_ns, self._absent = None, True
@@ -197,6 +242,7 @@ class RenderLoop:
             self._events.append(LoopEvent(now_ns, "overrun", "", "", slow))
         if self._heard_ns is not None and not self._quiet and now_ns - self._heard_ns > LOST_NS:
             self._go_quiet(now_ns)
+        self._other.tick(now_ns)
         if self._touchable and not self._quiet:
             for name, decided in self._touch_ahead.due(now_ns):
                 if decided.begins:
@@ -219,6 +265,11 @@ class RenderLoop:
         if self.brake is not None:
             self.brake.tick(now_ns)
 
+    @property
+    def frame(self) -> HandFrame | None:
+        """The last pose that was taken; None while the hand is not there."""
+        return None if self._absent or self._quiet else self._gate.last
+
     def take_events(self) -> list[LoopEvent]:
         """Hand out the events since the last call.
 
@@ -235,20 +286,24 @@ class RenderLoop:
         :return: its shape at its present pose.
         :raises KeyError: no such object.
         """
-        return self._bodies[name]
+        return self.world.body(name)
 
     # Touch ----------------------------------------------------------------------------------------------------------
 
     def _apply(self, touches: list[Touch], pins: list[PinChange], now_ns: int, aimed_ns: int | None = None) -> None:
         for touch in touches:
-            self._events.append(LoopEvent(now_ns, touch.kind, SITES[touch.site], touch.object, aimed_ns=aimed_ns))
+            felt = "" if self.tactiles is None or self.tactiles.armed else "pins are not armed"
+            self._events.append(LoopEvent(now_ns, touch.kind, SITES[touch.site], touch.object, felt, aimed_ns))
             if touch.first_or_last and touch.kind == "touch":
                 self._patterns.touch(touch.object, now_ns)
             elif touch.first_or_last:
                 self._patterns.leave(touch.object)
         if self.tactiles is None:
             return
+        name = touches[0].object if touches else ""
         for pin in pins:
+            kind = "contact" if pin.out else "release"
+            self._events.append(LoopEvent(now_ns, "wanted", SITES[pin.site], name, kind, aimed_ns))
             (self.tactiles.contact if pin.out else self.tactiles.release)(SITES[pin.site], now_ns)
 
     # Watchdog -------------------------------------------------------------------------------------------------------
@@ -260,15 +315,23 @@ class RenderLoop:
         self._let_go(now_ns)
 
     def _resume(self, positions, now_ns: int) -> None:
-        touching = any(bool((self._bodies[name].distance(positions) <= self.sites.radius_m).any()) for name in self._touchable)
-        if not touching:
-            self._quiet = False
-            self._events.append(LoopEvent(now_ns, "resumed"))
+        touched = [n for n in self._touchable if (self.body(n).distance(positions) <= self.sites.radius_m).any()]
+        gently = self._resume_rule == "gentle" and now_ns - self._steady_since_ns >= STEADY_NS
+        if touched and not gently:
+            waits_for = f"nothing is felt until the hand has left {' and '.join(touched)}"
+            if waits_for != self._waits_for:
+                self._waits_for = waits_for
+                self._events.append(LoopEvent(now_ns, "waiting", "", touched[0], waits_for))
+            return
+        self._quiet, self._waits_for = False, ""
+        self._events.append(LoopEvent(now_ns, "resumed", "", "", "gently, inside an object" if touched else ""))
+        if touched:
+            self._grasps.resume(now_ns)
 
     def _let_go(self, now_ns: int) -> None:
         self._apply([], self._forget(now_ns), now_ns)
         if self.tactiles is not None:
-            self.tactiles.withdraw_all(now_ns)
+            self.tactiles.release_all(now_ns)
         if self.brake is not None:
             self.brake.release_all(now_ns)
 
@@ -281,6 +344,16 @@ class RenderLoop:
         self._grasps.let_go(now_ns, self._quiet)
         self._clutches.forget()
         return pins
+
+
+def _alike(old: Scene, new: Scene) -> tuple[str, ...]:
+    """Objects that are the same in both, wherever they are."""
+    both = [(old.object(name), new.object(name)) for name in new.names if name in old.names]
+    return tuple(
+        its.name
+        for was, its in both
+        if was.body.shape == its.body.shape and was.effects == its.effects and was.owner == its.owner
+    )
 
 
 def _can_be_touched(scene: Scene, name: str) -> bool:

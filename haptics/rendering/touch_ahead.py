@@ -8,7 +8,7 @@ fingertip resting on a carried ball is at rest, however the hand moves.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -97,6 +97,27 @@ class TouchAhead:
             decider.forget()
         self._carried = None
         self._poses.clear()
+
+    def adopt(self, other: TouchAhead, names: Collection[str]) -> None:
+        """Go on from another one with what touches some objects, and with the poses that it has seen.
+
+        :param other: not used any more.
+        :param names: objects of both, of the same shapes.
+        """
+        deciders = [self._world, *self._flying.values()]
+        for time_ns, position_m, now_ns in other._poses:
+            self.observe(time_ns, position_m, now_ns)
+        for decider in deciders:
+            decider.drop_plans()
+        for name in names:
+            its, its_index = other._decider_of(name)
+            mine, index = self._decider_of(name)
+            mine.adopt(index, its, its_index)
+
+    def _decider_of(self, name: str) -> tuple[TouchDecider, int]:
+        if self._carried is not None and self._carried[0] == name:
+            return self._carried[1], 0
+        return (self._flying[name], 0) if name in self._flying else (self._world, self._names.index(name))
 
     def _own(self) -> list[tuple[str, TouchDecider]]:
         carried = [] if self._carried is None else [self._carried]

@@ -7,7 +7,7 @@ while any site touches its object. When a touch begins and ends is decided elsew
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -86,6 +86,16 @@ class ContactTracker:
     def touched(self) -> frozenset[str]:
         """Objects touched by any site."""
         return frozenset(name for name, sites in self._touching.items() if sites)
+
+    def adopt(self, other: ContactTracker, names: Collection[str]) -> None:
+        """Take over from another tracker what touches some objects, whose effects are the same in both.
+
+        :param other: stays as it is.
+        :param names: objects of both.
+        """
+        for name in names:
+            self._touching[name] = set(other._touching[name])
+            self._settle(name, 0)
 
     def touch(self, site: int, name: str, time_ns: int) -> tuple[list[Touch], list[PinChange]]:
         """Take note that a site begins to touch an object; one that touches it already changes nothing.

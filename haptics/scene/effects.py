@@ -8,7 +8,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
@@ -211,8 +211,21 @@ class PatternBank:
                         self._lasting.setdefault(name, []).append(player)
                 elif isinstance(effect, ProximityEffect):
                     self._near.setdefault(name, []).append((effect, effect.player()))
+        self._list_players()
+
+    def _list_players(self) -> None:
         self._players = [(name, player) for name, players in self._touched.items() for player in players]
         self._players += [(name, player) for name, pairs in self._near.items() for _, player in pairs]
+
+    def adopt(self, other: PatternBank, names: Collection[str]) -> None:
+        """Take over from another bank the players of some objects, whose effects are the same in both, as they play.
+
+        :param other: not used any more.
+        :param names: objects of both.
+        """
+        for mine, its in ((self._touched, other._touched), (self._lasting, other._lasting), (self._near, other._near)):
+            mine.update({name: its[name] for name in names if name in its})  # type: ignore[attr-defined]
+        self._list_players()
 
     @property
     def watched(self) -> tuple[str, ...]:

@@ -14,8 +14,8 @@ never filtered, as that would make it late.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -135,10 +135,11 @@ class GraspTracker:
 
     :param bodies: the graspable objects, by name, where they are now.
     :param rule: when a grasp begins and ends; None: ``rearming``.
+    :param others: objects that the ray does not carry: somebody else moves them, held or not.
     """
 
-    def __init__(self, bodies: Mapping[str, Placed], rule: GraspRule | None = None):
-        self.rule = rule or GraspRule()
+    def __init__(self, bodies: Mapping[str, Placed], rule: GraspRule | None = None, others: Collection[str] = ()):
+        self.rule, self._others = rule or GraspRule(), frozenset(others)
         self._bodies = dict(bodies)
         self._armed = dict.fromkeys(self._bodies, True)
         self._held: _Held | None = None
@@ -168,16 +169,29 @@ class GraspTracker:
             raise InputError(f"object = {name!r} cannot be grasped; objects that can: {', '.join(self._bodies) or 'none'}")
         return self._bodies[name]
 
-    def move(self, name: str, pose: Pose) -> None:
-        """Put an object elsewhere; one that is held stays in the hand.
+    def put(self, name: str, body: Placed) -> None:
+        """Put an object elsewhere; one that is held, and carried, stays in the hand.
 
         :param name: the object's.
-        :param pose: in the world.
+        :param body: its shape where it is now.
         :raises InputError: no such object.
         """
-        body = self.body(name)
-        if name != self.held:
-            self._bodies[name] = body.at(pose)
+        self.body(name)
+        if name != self.held or name in self._others:
+            self._bodies[name] = body
+
+    def adopt(self, other: GraspTracker, names: Collection[str]) -> None:
+        """Take over from another tracker what it knows of some objects: which is held, and which may be grasped again.
+
+        :param other: stays as it is.
+        :param names: objects of both.
+        """
+        for name in names:
+            self._armed[name] = other._armed[name]
+        if other._held is not None and other._held.name in names:
+            self._held = replace(other._held)
+            self._bodies[other._held.name] = other._bodies[other._held.name]
+        self._last_ns = other._last_ns
 
     def update(self, time_ns: int, thumb_tip_m: Array, index_tip_m: Array) -> list[GraspEvent]:
         """Follow the tips.
@@ -232,7 +246,7 @@ class GraspTracker:
     def _follow(self, held: _Held, time_ns: int, tips: Array) -> list[GraspEvent]:
         ray = tips[1] - tips[0]
         length_m = math.dist(*tips)
-        if length_m > 0.0 and held.start_ray_m > 0.0:
+        if length_m > 0.0 and held.start_ray_m > 0.0 and held.name not in self._others:
             turn = shortest_turn_xyzw(held.ray, ray)
             self._bodies[held.name] = self._bodies[held.name].at(held.pose.turned_about(held.middle, turn, _middle(tips)))
         share = max(0.0, held.start_ray_m - length_m) / held.start_ray_m if held.start_ray_m > 0.0 else 0.0

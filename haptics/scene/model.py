@@ -65,6 +65,7 @@ class ObjectTable(_Table):
     :param placement: ``world``, ``palm`` (relative to the hand's median palm) or ``in_hand`` (sized and placed by a closing
         stroke).
     :param effects: what the object does to a hand.
+    :param owner: who moves it while the scene runs: ``scene``, by the grasp rule, or ``engine``, by its physics.
     :param motion: its path; None: it stays.
     :param summary: what it is, for people.
     """
@@ -75,6 +76,7 @@ class ObjectTable(_Table):
     orientation_xyzw: tuple[float, float, float, float] = IDENTITY_XYZW
     placement: Literal["world", "palm", "in_hand"] = "world"
     effects: tuple[AnyEffect, ...] = ()
+    owner: Literal["scene", "engine"] = "scene"
     motion: Motion | None = None
     summary: str = ""
 
@@ -87,9 +89,8 @@ class ObjectTable(_Table):
         """
         pose = Pose(self.position_m, self.orientation_xyzw)
         resolved = self.placement == "world"
-        return SceneObject(
-            self.name, Placed(self._shape(folder), pose), self.effects, self.placement, self.motion, self.summary, resolved
-        )
+        body = Placed(self._shape(folder), pose)
+        return SceneObject(self.name, body, self.effects, self.placement, self.motion, self.summary, resolved, self.owner)
 
     def _shape(self, folder: Path | None) -> Shape:
         if not isinstance(self.shape, MeshFile):

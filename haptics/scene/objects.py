@@ -16,6 +16,7 @@ from haptics.scene.signals import check_times, locate
 from haptics.units import one_of
 
 PLACEMENTS = ("world", "palm", "in_hand")
+OWNERS = ("scene", "engine")
 IN_HAND_SHAPES = (Sphere, Cylinder, Box)
 
 
@@ -59,6 +60,8 @@ class SceneObject:
     :param motion: its path, added to the pose; None: it stays where it is.
     :param summary: what it is, for people.
     :param resolved: whether the body's pose is in world coordinates.
+    :param owner: who moves it while a scene runs: ``scene``, by the grasp rule, or ``engine``, by its physics, with
+        ``Session.move_object``; then a grasp of it is felt, and moves it no further.
     """
 
     name: str
@@ -68,6 +71,15 @@ class SceneObject:
     motion: Motion | None = None
     summary: str = ""
     resolved: bool = True
+    owner: Literal["scene", "engine"] = "scene"
+
+    def check_movable(self) -> None:
+        """Refuse to be moved along a path of its own.
+
+        :raises InputError: it has a motion.
+        """
+        if self.motion is not None:
+            raise InputError(f"object {self.name!r} follows a motion of its own; only an object without one can be moved")
 
     def body_at(self, time_s: float) -> Placed:
         """The body at a moment, moved along its path.
@@ -130,6 +142,9 @@ def check_object(item: SceneObject) -> None:
     :raises InputError: an unknown placement, two grasps, a grasp with a motion, or a shape that cannot be sized in the hand.
     """
     one_of("placement", item.placement, PLACEMENTS)
+    one_of("owner", item.owner, OWNERS)
+    if item.owner == "engine":
+        item.check_movable()
     kinds = [effect.kind for effect in item.effects]
     if kinds.count("grasp") > 1:
         raise InputError(f"object {item.name!r} has {kinds.count('grasp')} grasp effects; must be at most one")

@@ -192,6 +192,21 @@ class Scene:
         there = replace(self.object(name), body=self.object(name).body.at(pose), resolved=True)
         return replace(self, objects=tuple(there if item.name == name else item for item in self.objects))
 
+    def without_unresolved(self) -> Scene:
+        """The scene as long as no hand has placed it: of objects without a place nothing is there.
+
+        :return: another scene; this one stays as it is.
+        """
+        return (
+            replace(
+                self,
+                objects=tuple(item for item in self.objects if item.resolved),
+                absent=(*self.absent, *((name, "not placed yet") for name in self.unresolved)),
+            )
+            if self.unresolved
+            else self
+        )
+
     def placed(self, palm_m: Sequence[float] | Array | None, in_hand: InHand | None = None, side: str = "right") -> Scene:
         """The scene with every object in world coordinates.
 
@@ -255,7 +270,8 @@ class Scene:
         :raises InputError: an unknown rule.
         """
         bodies = {item.name: item.body for item in self.objects if item.grasp is not None}
-        return GraspTracker(bodies, grasp_rule(rule or self.grasp_rule))
+        others = [item.name for item in self.objects if item.owner == "engine"]
+        return GraspTracker(bodies, grasp_rule(rule or self.grasp_rule), others)
 
     def clutch_rules(self) -> ClutchRules:
         """Make this scene's clutch rules, ready to run.

@@ -192,6 +192,19 @@ class Scheduler:
         """
         return [budget.headroom_k(max(now_ns, budget.latest_ns)) for budget in self.budgets]
 
+    def wait_s(self, request: Request, now_ns: int) -> float:
+        """How long a request has to wait for its coil to be cool enough, if nothing else is asked of it.
+
+        :param request: a contact, pulse or burst, which leaves room for a release.
+        :param now_ns: the time now (ns).
+        :return: seconds, 0 if it may play now; infinite if never.
+        """
+        channel = request.channel
+        longest_s = max(sum(stroke.duration_s for stroke in unit) for unit in request.units)
+        energy_j = self._power_w[channel] * longest_s + self._reserve_j[channel]
+        budget = self.budgets[channel]
+        return budget.wait_s(1, max(now_ns, budget.latest_ns), energy_j)
+
     def _all_waiting(self) -> Iterator[UnderWay]:
         yield from self._releases.values()
         yield from self._waiting.values()

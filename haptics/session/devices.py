@@ -6,36 +6,46 @@ time its owner's loop serves links and drivers (a ``haptics.Glove`` has a thread
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from haptics.devices import BrakeDriver, TactilesDriver
+from haptics.devices import (
+    BrakeDriver,
+    BrakeShare,
+    Refusal,
+    Result,
+    SharedBrakes,
+    SharedTactiles,
+    TactilesDriver,
+    TactilesShare,
+)
 from haptics.devices.tactiles import TELLING_NS
-from haptics.errors import CommandRefused, InputError, LimitError
+from haptics.errors import InputError
 from haptics.link.commands import Pending
 from haptics.link.connection import Link
-from haptics.link.events import NO_CHANNEL, Disarmed, Event, FaultReported, Lost, Rebooted, Telemetry
+from haptics.link.events import NO_CHANNEL, Disarmed, Event, FaultReported, FoundArmed, Lost, Rebooted, Telemetry
 from haptics.link.limits import Wanted, kept_stricter, stricter
-from haptics.link.messages import DURATION_UNIT_US, Board, State, Status
+from haptics.link.messages import DURATION_UNIT_US, Board, State
 from haptics.link.polling import PollingRunner
 from haptics.link.port_url import is_simulated, query_of, with_defaults
 from haptics.link.ports import check_board_port, open_port
 from haptics.link.readings import fault_name, fault_names
-from haptics.link.runner import VirtualRunner, connect, finish
+from haptics.link.runner import VirtualRunner, connect
 from haptics.link.session import LinkSession
 from haptics.link.simulated import SimulatedPort, simulated
 from haptics.scheduling import CoilLimits, ThermalBudget
 from haptics.session import heat
 from haptics.session.configuration import COUNTED_COIL_A, BrakeConfiguration, TactilesConfiguration
+from haptics.session.switching import Kind, Procedure, arming, clearing, going_off
 from haptics.time import LATEST_NS, NS_PER_MS, NS_PER_S, MonotonicClock, VirtualClock, seconds_to_ns
 from haptics.units import a_callable, an_instance, one_of, truth, whole_number
 
 TICK_NS = NS_PER_MS
 LONGEST_STEP_S = 1e6
 _PARTS: dict[str, type] = {"tactiles": TactilesConfiguration, "brake": BrakeConfiguration}
-ARM_TIMEOUT_S = 2.0
-OFF_TIMEOUT_S = 1.0
-_ARMED = (State.ARMED, State.DRIVING)
+HELD_V = 20
+"""Volts that a board measures at an output count as held from here on: below it is its converter's noise."""
 HANDOVER_S = 100e-6
 """Pause between two pulses that share a coil or its share of the current: more than a clock estimate moves between them."""
 WireTap = Callable[[str, int, bool, bytes], None]
@@ -70,6 +80,7 @@ class Devices:
     :ivar links: by board, ``tactiles`` and ``brake``.
     :ivar faults: what went wrong since opening, in words, each once; a history, not what holds now.
     :ivar notes: what a person should know besides: limits that a board holds tighter than configured, coils that start warm.
+    :ivar latched: by board, the faults that are latched, as it reported last.
     :ivar telemetry: each board's last message since it was armed.
     :ivar tactiles: driver of the array, or None without one.
     :ivar brakes: driver of the brake controller, or None without one.
@@ -95,11 +106,15 @@ class Devices:
         self.notes: list[str] = []
         self.telemetry: dict[str, Any] = {}
         self._event_sinks: list[Callable[[str, Event], None]] = []
+        self._result_sinks: list[Callable[[int, Result | Refusal], None]] = []
         self._opened = False
         self._wanted_armed = False
         self._heat_booked = True
         self._limit_pulses = truth("limit_pulses", limit_pulses)
         self._permitted: set[str] = set()  # boards whose drivers may ask for energy
+        self._procedures: list[Procedure] = []
+        self.latched: dict[str, tuple[str, ...]] = {}
+        self._heard: set[str] = set()  # boards that have told how they were found
         self.times_armed = 0
         simulate = _checked_keys({} if simulate is None else simulate)
         if wire_tap is not None:
@@ -129,6 +144,8 @@ class Devices:
         self._opened = True
         self.tactiles: TactilesDriver | None = None
         self.brakes: BrakeDriver | None = None
+        self.shared_tactiles: SharedTactiles | None = None
+        self.shared_brakes: SharedBrakes | None = None
         try:
             connect(self._runner)
             for name, part in asked.items():
@@ -136,6 +153,8 @@ class Devices:
                     self._note_limits(name, part)
             self.tactiles = None if tactiles is None else self._tactiles_driver(tactiles)
             self.brakes = None if brake is None else self._brake_driver(brake)
+            self.shared_tactiles = None if self.tactiles is None else SharedTactiles(self.tactiles)
+            self.shared_brakes = None if self.brakes is None else SharedBrakes(self.brakes)
         except BaseException:
             self.close()
             raise
@@ -260,8 +279,10 @@ class Devices:
         for name, link in self.links.items():
             for event in link.events():
                 self._take(name, event)
-            if name in self._permitted and not self._obeys(name):
+            if name in self._permitted and not self.obeys(name):
                 self._forbid(name)
+        if self._procedures:
+            self._go_on()
 
     def _notice_silence(self, name: str, link: Link) -> None:
         """The host was away for longer than a board waits: that board has made itself safe, and is stopped in any case."""
@@ -284,10 +305,51 @@ class Devices:
         """
         if type(now_ns) is not int or not 0 <= now_ns <= LATEST_NS:
             now_ns = whole_number("now_ns", now_ns, 0, LATEST_NS)
-        if self.tactiles is not None:
-            self.tactiles.tick(now_ns)
+        if self.shared_tactiles is not None:
+            self.shared_tactiles.tick(now_ns)
+        if self.shared_brakes is not None:
+            self.shared_brakes.tick(now_ns)
+        self.hand_on_results()
+
+    def on_result(self, sink: Callable[[int, Result | Refusal], None]) -> None:
+        """Call a function for all that becomes of what was asked of the drivers, at the end of each tick.
+
+        Once there is one, drivers' ``take_results`` and ``take_answers`` find nothing.
+
+        :param sink: called with the time, ns on this glove's clock, and a ``Result``, or a ``Refusal`` of the brake controller.
+        :raises InputError: it cannot be called.
+        """
+        a_callable("sink", sink, "a time and a result")
+        self._result_sinks.append(sink)
+
+    def hand_on_results(self) -> None:
+        """Hand on what is known already, before the next tick does."""
+        if not self._result_sinks:
+            return
+        found: list[Result | Refusal] = [] if self.tactiles is None else [*self.tactiles.take_results()]
         if self.brakes is not None:
-            self.brakes.tick(now_ns)
+            refusals, results = self.brakes.take_answers()
+            found += [*results, *refusals]
+        now_ns = self.now_ns() if found else 0
+        for one in found:
+            for sink in self._result_sinks:
+                sink(now_ns, one)
+
+    def share_tactiles(self, owner: str) -> TactilesShare | None:
+        """The array as one owner has it.
+
+        :param owner: its name.
+        :return: its share; None without an array.
+        """
+        return None if self.shared_tactiles is None else self.shared_tactiles.share(owner)
+
+    def share_brakes(self, owner: str) -> BrakeShare | None:
+        """The brakes, likewise.
+
+        :param owner: its name.
+        :return: its share; None without a brake controller.
+        """
+        return None if self.shared_brakes is None else self.shared_brakes.share(owner)
 
     def step_to(self, to_ns: int) -> None:
         """Tick every millisecond until a time; in virtual time only.
@@ -308,6 +370,11 @@ class Devices:
         if isinstance(event, Telemetry):
             self.telemetry[name] = event.message
             self._read_faults(name, event.message)
+            if name not in self._heard:
+                self._heard.add(name)
+                self._note_found(name, event.message)
+        elif isinstance(event, FoundArmed):
+            self._note(f"{name}: it was still armed by an earlier host when this one came; it was stopped")
         elif isinstance(event, FaultReported):
             where = "" if event.channel == NO_CHANNEL else f"channel {event.channel}, "
             self._fault(f"{name}: {fault_name(event.fault)} ({where}value {event.value})")
@@ -321,9 +388,23 @@ class Devices:
         for sink in self._event_sinks:
             sink(name, event)
 
+    def _note_found(self, name: str, message: Any) -> None:
+        """What a board brings from an earlier host, by the first that it tells."""
+        if message.faults:
+            latched = ", ".join(fault_names(message.faults))
+            self._note(f"{name}: found with a latched fault: {latched}; find out why, then clear it with clear()")
+        held = [f"{volts} V at output {i}" for i, volts in enumerate(getattr(message, "output", ())) if volts >= HELD_V]
+        if held and message.state == State.DRIVING:
+            self._note(f"{name}: found holding {', '.join(held)} for an earlier host")
+
     def _read_faults(self, name: str, message: Any) -> None:
+        self.latched[name] = tuple(fault_names(message.faults)) if message.faults else ()
         if message.faults and self._wanted_armed:
             self._fault(f"{name}: {', '.join(fault_names(message.faults))}")
+
+    def _note(self, text: str) -> None:
+        if text not in self.notes:
+            self.notes.append(text)
 
     def _fault(self, text: str) -> None:
         if text not in self.faults:
@@ -332,19 +413,24 @@ class Devices:
     def _forbid(self, name: str) -> None:
         """A board is no longer armed: what was asked of it is forgotten."""
         self._permitted.discard(name)
-        if name == "tactiles" and self.tactiles is not None:
-            self.tactiles.set_armed(False, sure_until_ns=self.now_ns() - TELLING_NS - self._shift_ns())
-        elif name == "brake" and self.brakes is not None:
-            self.brakes.set_armed(False)
+        if name == "tactiles":
+            self._set_tactiles(False, sure_until_ns=self.now_ns() - TELLING_NS - self._shift_ns())
+        elif name == "brake":
+            self._set_brakes(False)
 
-    def _obeys(self, name: str) -> bool:
-        """Whether a board is there and armed now, whatever happened before."""
-        link = self.links.get(name)
-        return link is not None and link.armed and link.error is None
+    def _set_tactiles(self, armed: bool, sure_until_ns: int | None = None) -> None:
+        if self.tactiles is not None and self.shared_tactiles is not None:
+            self.shared_tactiles.forget()
+            self.tactiles.set_armed(armed, sure_until_ns=sure_until_ns)
+
+    def _set_brakes(self, armed: bool) -> None:
+        if self.brakes is not None and self.shared_brakes is not None:
+            self.shared_brakes.forget()
+            self.brakes.set_armed(armed)
 
     def _wait(self, condition: Callable[[], bool], timeout_s: float) -> bool:
         """Let time pass with drivers ticking until ``condition`` holds."""
-        end_ns = self.now_ns() + seconds_to_ns(timeout_s)
+        end_ns = LATEST_NS if timeout_s == math.inf else self.now_ns() + seconds_to_ns(timeout_s)
         while not condition():
             now_ns = self.now_ns()
             if now_ns >= end_ns:
@@ -359,113 +445,160 @@ class Devices:
 
     # Arming and going off -------------------------------------------------------------------------------------------
 
-    def arm(self) -> None:
-        """Arm every board, explicitly; the brake controller tests itself first. Nothing is wanted of an armed board yet.
+    def begin(self, kind: Kind) -> Procedure:
+        """Begin to arm, go off or clear faults; :meth:`follow` goes on with it. What was begun before is finished first.
 
-        A board that is armed already is stopped first, so that it drops what it was asked for.
+        Going off waits for nothing: what was begun and not finished is given up.
+
+        :param kind: ``arm``, ``off`` or ``clear``.
+        :return: the procedure: the one under way, where that is of this kind.
+        """
+        under_way = self._procedures[-1] if self._procedures else None
+        if under_way is not None and under_way.kind == kind:
+            return under_way
+        if kind == "off":
+            for procedure in self._procedures:
+                procedure.cancel(f"{procedure.kind} was given up, as the glove was to go off")
+            self._procedures.clear()
+        steps = {"arm": arming, "off": going_off, "clear": clearing}[kind](self)
+        procedure = Procedure(kind, steps)
+        self._procedures.append(procedure)
+        if len(self._procedures) == 1:
+            self._go_on()
+        return procedure
+
+    def finish(self, procedure: Procedure) -> None:
+        """Let time pass, with drivers ticking, until a procedure has ended; for whoever serves the devices alone.
+
+        :param procedure: from :meth:`begin`.
+        :raises HapticsError: what it failed with.
+        """
+        self._wait(lambda: procedure.done, math.inf)
+        if procedure.error is not None:
+            raise procedure.error
+
+    @property
+    def doing(self) -> Kind | None:
+        """The procedure under way: ``arm``, ``off`` or ``clear``."""
+        return self._procedures[0].kind if self._procedures else None
+
+    def _go_on(self) -> None:
+        while self._procedures:
+            procedure = self._procedures[0]
+            procedure.go_on(self.now_ns())
+            if not procedure.done:
+                return
+            if self._procedures and self._procedures[0] is procedure:
+                self._procedures.pop(0)
+
+    def arm(self) -> None:
+        """Arm every board, explicitly; the brake controller tests itself first, and pins that may be out are withdrawn.
+
+        Nothing is wanted of an armed board yet. A board that is armed already is stopped first, so that it drops what it was
+        asked for.
 
         :raises CommandRefused: a board would not arm; everything is off then.
         :raises LimitError: a board did not reach its armed state, or left it while another armed.
         """
-        self._drop_wishes()
         try:
-            self._stop_what_is_armed()
-            self.telemetry.clear()  # what a board reported before it was armed is no news of now
-            pendings = [link.arm(self.now_ns()) for link in self.links.values()]
-            for link, pending in zip(self.links.values(), pendings, strict=True):
-                self._finish_arming(link, pending)
-            self.follow(self.now_ns())
-            for name in self.links:
-                if not self._wait(lambda name=name: self._state_of(name) in _ARMED, ARM_TIMEOUT_S):
-                    state = self._state_of(name)
-                    seen = "nothing" if state is None else State(state).name.lower()
-                    raise LimitError(f"{name}: did not reach the armed state within {ARM_TIMEOUT_S:g} s; it reports {seen}")
-            for name in self.links:
-                if not self._obeys(name):
-                    raise LimitError(f"{name}: disarmed itself while the other board armed")
+            self.finish(self.begin("arm"))
         except BaseException:
             self.off()
             raise
-        self._wanted_armed = True
-        self.times_armed += 1
-        self._permitted.update(self.links)
-        if self.tactiles is not None:
-            self._take_over_heat(self.tactiles)
-            self.tactiles.set_armed(True)
-        if self.brakes is not None:
-            self.brakes.set_armed(True)
-
-    def _stop_what_is_armed(self) -> None:
-        """Boards armed by this host, or still by another, are stopped; what they had been asked for is gone then."""
-        names = [name for name, link in self.links.items() if link.armed or self._state_of(name) in _ARMED]
-        for name in names:
-            self.telemetry.pop(name, None)
-            self.links[name].stop(self.now_ns())
-        rests = (State.DISARMED, State.FAULT)
-        self._wait(lambda: all(self._state_of(name) in rests for name in names), ARM_TIMEOUT_S)
-
-    def _take_over_heat(self, array: TactilesDriver) -> None:
-        note = heat.take_over(array.budgets, self._coils, self.telemetry["tactiles"].heat, self.now_ns(), self._heat_booked)
-        self._heat_booked = True
-        if note is not None and note not in self.notes:
-            self.notes.append(note)
-
-    def _finish_arming(self, link: Link, pending: Pending) -> None:
-        try:
-            finish(self._runner, pending, ARM_TIMEOUT_S, link.name)
-        except CommandRefused as error:
-            if pending.status == Status.HOT:
-                seen = f"coils are beyond what the board allows (mask {pending.detail or 0:#06x})"
-                advice = "a driver was stuck on: look at it, and let them cool for some seconds"
-                raise CommandRefused(link.name, seen, "arm", error.status, advice) from error
-            latched = ", ".join(fault_names(pending.detail or 0))
-            if pending.status != Status.INTERLOCK or not latched:
-                raise
-            advice = f"find out why, then clear it: off() of an open glove, or haptics off --port {link.name}"
-            raise CommandRefused(link.name, f"a fault is latched: {latched}", "arm", error.status, advice) from error
-
-    def _state_of(self, name: str) -> int | None:
-        message = self.telemetry.get(name)
-        return None if message is None else message.state
 
     def off(self) -> None:
         """Pins withdrawn, then volts to zero and bridges shorted, then disarmed. Never raises for a link that is gone.
 
         Each board that is armed now goes off in this order, whatever happened to the other one, or to itself before.
         """
+        procedure = self.begin("off")
         try:
-            self._withdraw_pins()
-            self._drop_volts()
-        finally:  # also when the one who waits is interrupted
-            self._wanted_armed = False
-            pendings = [link.stop(self.now_ns()) for link in self.links.values() if link.error is None]
-            self._drop_wishes()
-        self._wait(lambda: all(pending.done for pending in pendings), OFF_TIMEOUT_S)
+            self.finish(procedure)
+        except BaseException:  # the one who waits is interrupted
+            procedure.cancel("going off was cut short; every board was stopped")
+            raise
 
-    def _withdraw_pins(self) -> None:
-        if self.tactiles is None:
-            return
-        self.tactiles.end("ended")
-        if "tactiles" in self._permitted and self._obeys("tactiles"):
-            self.tactiles.withdraw_all(self.now_ns())
-            self._wait(self._pins_settled, OFF_TIMEOUT_S)
+    def clear_faults(self) -> None:
+        """Boards that are off clear what has latched, where its cause is gone; what stays, arming names, and :attr:`latched`.
 
-    def _drop_volts(self) -> None:
-        brakes = self.brakes
-        if brakes is not None and self._obeys("brake") and brakes.engaged():
-            brakes.release_all(self.now_ns())
-            self._wait(lambda: brakes.idle, OFF_TIMEOUT_S)
+        For a person to ask for: nothing does it by itself.
+        """
+        self.finish(self.begin("clear"))
 
-    def _drop_wishes(self) -> None:
+    # What the procedures are made of
+
+    def drop_wishes(self) -> None:
         """Whatever was asked for is forgotten, and nothing more is taken until the next arming."""
         self._permitted.clear()
         if self.tactiles is not None:
-            self.tactiles.set_armed(False, sure_until_ns=self.now_ns() - self._shift_ns())
-        if self.brakes is not None:
-            self.brakes.set_armed(False)
+            self._set_tactiles(False, sure_until_ns=self.now_ns() - self._shift_ns())
+        self._set_brakes(False)
 
-    def _pins_settled(self) -> bool:
+    def stop_all(self) -> list[Pending]:
+        """A stop to every board that is there; nothing is wanted any more.
+
+        :return: the stops to watch.
+        """
+        self._wanted_armed = False
+        pendings = [link.stop(self.now_ns()) for link in self.links.values() if link.error is None]
+        self.drop_wishes()
+        return pendings
+
+    def permit(self) -> None:
+        """Every board is armed: the drivers may ask for energy."""
+        self._wanted_armed = True
+        self.times_armed += 1
+        self._permitted.update(self.links)
+        if self.tactiles is not None:
+            self._take_over_heat(self.tactiles)
+        self._set_tactiles(True)
+        self._set_brakes(True)
+
+    def permits(self, name: str) -> bool:
+        """Whether a board's driver may ask for energy.
+
+        :param name: of the board.
+        :return: False from its disarming on, whoever disarmed it.
+        """
+        return name in self._permitted
+
+    def obeys(self, name: str) -> bool:
+        """Whether a board is there and armed now, whatever happened before.
+
+        :param name: of the board.
+        :return: False also for a board that this glove lacks.
+        """
+        link = self.links.get(name)
+        return link is not None and link.armed and link.error is None
+
+    def state_of(self, name: str) -> int | None:
+        """What a board reported to be in, since it was armed last.
+
+        :param name: of the board.
+        :return: of ``haptics.link.messages.State``; None if nothing came.
+        """
+        message = self.telemetry.get(name)
+        return None if message is None else message.state
+
+    def pins_settled(self) -> bool:
+        """Whether every pin is where it was asked to be, by what boards answered.
+
+        :return: True also without an array.
+        """
         return self.tactiles is None or (self.tactiles.idle and self.now_ns() > self._last_pulse_ends_ns())
+
+    def note_pins_out(self) -> None:
+        """Say which pins arming could not withdraw; that goes on being tried where the coil was only too hot."""
+        array = self.tactiles
+        if array is not None and any(out := array.pins_out()):
+            sites = ", ".join(site for site, is_out in zip(array.sites, out, strict=True) if is_out)
+            self._note(f"tactiles: arming could not withdraw {sites} yet; {'it' if sum(out) == 1 else 'they'} may be out")
+
+    def _take_over_heat(self, array: TactilesDriver) -> None:
+        note = heat.take_over(array.budgets, self._coils, self.telemetry["tactiles"].heat, self.now_ns(), self._heat_booked)
+        self._heat_booked = True
+        if note is not None:
+            self._note(note)
 
     def _last_pulse_ends_ns(self) -> int:
         """On the board."""
@@ -474,15 +607,6 @@ class Devices:
     def _shift_ns(self) -> int:
         """What was sent over a coarse line plays later than asked for, by at most this."""
         return 2 * self.links["tactiles"].shift_ns
-
-    def clear_faults(self) -> None:
-        """Boards that are off clear what has latched, where its cause is gone; what stays, arming names.
-
-        For a person to ask for: nothing does it by itself.
-        """
-        now_ns = self.now_ns()
-        pendings = [link.send("disarm", now_ns=now_ns) for link in self.links.values() if link.ready]
-        self._wait(lambda: all(pending.done for pending in pendings), OFF_TIMEOUT_S)
 
     def close(self) -> None:
         """Close the ports; call :meth:`off` first."""

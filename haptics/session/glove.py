@@ -6,14 +6,15 @@ import atexit
 import math
 import os
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from os import PathLike
 from types import TracebackType
 from typing import Literal, Protocol
 
-from haptics.devices import BrakeDriver, Result, TactilesDriver
+from haptics.devices import BrakeShare, Refusal, Result, TactilesShare
 from haptics.devices.brake import LONGEST_PIEZO_S
+from haptics.devices.sharing import LONGEST_HOLD_S, PROGRAM
 from haptics.devices.tactiles import MAX_CYCLES
 from haptics.ends import orderly, unbroken
 from haptics.errors import GloveEnded, HapticsError, InputError, nearest
@@ -35,6 +36,7 @@ from haptics.session.plant_truth import PlantTruth
 from haptics.session.recorder import Recorder
 from haptics.session.sampler import Sampler
 from haptics.session.service import JOIN_S, Service, go_off
+from haptics.session.switching import Procedure
 from haptics.time import seconds_to_ns
 from haptics.units import brief, file_path, known_arguments, number, one_of, truth, whole_number
 
@@ -92,10 +94,11 @@ class Glove:
         self._ending = self._closed = False
         self._ends = ExitStack()
         self._telemetry: dict[str, Telemetry] = {}
-        self._results: list[Result] = []  # recorded, and not asked for yet
+        self._results: list[Result] = []  # not asked for yet
         self._session: Rendered | None = None
         self._process = os.getpid()
         devices.on_event(self._note)
+        devices.on_result(self._take_result)
         try:
             if recording is not None:
                 self.recorder = recording.begin(devices, configuration, seed)
@@ -124,29 +127,75 @@ class Glove:
     # Calls ----------------------------------------------------------------------------------------------------------
 
     def arm(self) -> None:
-        """Arm every board; nothing is energised before. What was asked for until now is forgotten.
+        """Arm every board, and withdraw every pin that may be out; nothing is energised before.
 
-        :raises HapticsError: a board would not; everything is off then.
+        What was asked for until now is forgotten. In real time calls of other threads, and a session, go on meanwhile.
+
+        :raises HapticsError: a board would not, as a fault is latched for instance; everything is off then.
         """
         with self.turn(missed_allowed=True) as devices:
-            devices.arm()
-            if self._service is not None:
-                self._service.served(armed=True)
+            procedure = devices.begin("arm")
+        try:
+            self._finish(procedure)
+        except BaseException:
+            with self.turn(missed_allowed=True, ended_allowed=True) as devices:
+                self._finish(devices.begin("off"))
+            raise
+        if self._service is not None:
+            self._service.armed()
+
+    def begin_arming(self) -> Procedure:
+        """Begin to arm, and do not wait: ``done`` and ``error`` of what is returned tell how it went, as :meth:`arm` does.
+
+        :return: the procedure; the glove's thread, or ``advance`` in virtual time, goes on with it.
+        """
+        with self.turn(missed_allowed=True) as devices:
+            return devices.begin("arm")
+
+    def clear(self) -> Mapping[str, tuple[str, ...]]:
+        """Clear faults that have latched, where their cause is gone. For a person to ask for, of a glove that is off.
+
+        :return: by board, what stays latched; arming is refused until that is gone.
+        :raises HapticsError: a board is armed; go off first.
+        """
+        with self.turn(missed_allowed=True) as devices:
+            if armed := [name for name, link in devices.links.items() if link.armed]:
+                raise HapticsError(
+                    f"{' and '.join(armed)}: armed; faults are cleared of boards that are off, so call off() first"
+                )
+            procedure = devices.begin("clear")
+        self._finish(procedure)
+        return {name: faults for name, faults in self.devices.latched.items() if faults}
+
+    def _finish(self, procedure: Procedure) -> None:
+        """Wait until it has ended; the thread that serves the glove goes on with it meanwhile."""
+        while self._service is not None and self._service.serves and not procedure.done:
+            with self.turn(missed_allowed=True, ended_allowed=True):
+                pass
+            self._service.wait()
+        if procedure.done:
+            if procedure.error is not None:
+                raise procedure.error
+            return
+        with self.turn(missed_allowed=True, ended_allowed=True) as devices:
+            devices.finish(procedure)
 
     @known_arguments
-    def contact(self, site: str) -> None:
-        """Bring a pin out to the skin, where it stays, without power, until :meth:`release`.
+    def contact(self, site: str, ttl_s: float = LONGEST_HOLD_S) -> None:
+        """Bring a pin out to the skin, where it stays, without power, until :meth:`release` or for its time.
 
         :param site: of the array, such as ``index_tip``.
-        :raises InputError: no such site, or this glove has no array.
+        :param ttl_s: how long, 1 ms to 60 s; call again before it ends to go on.
+        :raises InputError: no such site, out of range, or this glove has no array.
         """
         with self.turn() as devices:
             array = self._array()
-            array.contact(one_of("site", site, array.sites), devices.now_ns())
+            ttl_s = number("ttl_s", ttl_s, 0.001, LONGEST_HOLD_S, "s")
+            array.contact(one_of("site", site, array.sites), devices.now_ns(), ttl_s=ttl_s)
 
     @known_arguments
     def release(self, site: str) -> None:
-        """Take a pin back in.
+        """Take a pin back in, unless a session on the glove wants it out, too.
 
         :param site: of the array.
         :raises InputError: no such site, or this glove has no array.
@@ -206,7 +255,7 @@ class Glove:
         with self.turn() as devices:
             brakes = self._brakes()
             self._brake_named(name, brakes)
-            ttl_s = number("ttl_s", ttl_s, 0.001, 60.0, "s")
+            ttl_s = number("ttl_s", ttl_s, 0.001, LONGEST_HOLD_S, "s")
             if frequency_hz is not None:
                 frequency_hz = number("frequency_hz", frequency_hz, 0.1, brakes.max_frequency_hz, "Hz")
             volts = self._volts(name, force_n, volts, brakes.max_amplitude_v)
@@ -215,7 +264,7 @@ class Glove:
 
     @known_arguments
     def release_brake(self, name: str | None = None) -> None:
-        """Let go of a brake before its time.
+        """Let go of a brake before its time; what a session on the glove holds goes on.
 
         :param name: of the brake; all of them if None.
         :raises InputError: no such brake, or this glove has no brakes.
@@ -262,9 +311,17 @@ class Glove:
         Those whose cause is still there stay, and ``arm`` names them. ``close``, and the end of a ``with``, clear none.
         """
         with self.turn(missed_allowed=True, ended_allowed=True) as devices:
-            self._all_off(devices.clear_faults)
-            if self._service is not None:
-                self._service.served()
+            going_off = devices.begin("off")
+            clearing = devices.begin("clear")
+        try:
+            self._finish(going_off)
+            self._finish(clearing)
+        except Exception:
+            if self._service is None or not self._service.ended:  # else it was reported already, and boards were stopped
+                raise
+        except BaseException:
+            going_off.cancel("going off was cut short; every board was stopped")
+            raise
 
     def close(self) -> None:
         """Go off and close the ports, whatever goes wrong meanwhile; a recording is made whole. A second call does nothing.
@@ -306,13 +363,13 @@ class Glove:
     def results(self) -> list[Result]:
         """What became of what was asked for: of each contact, release, pulse, burst, brake and piezo.
 
-        A brake gives another result, not played, where a board did not go on holding it. While a session is on the glove results
-        are in its ``results`` and ``brake_results``, and none here.
+        A brake gives another result, not played, where a board did not go on holding it. What a session on the glove asked for is
+        in its own ``results`` and ``brake_results``.
 
         :return: results since the last call.
         """
-        with self.turn(missed_allowed=True):
-            self._collect()
+        with self.turn(missed_allowed=True) as devices:
+            devices.hand_on_results()
             results, self._results = self._results, []
             return results
 
@@ -398,23 +455,12 @@ class Glove:
             return
         self.devices.tick(now_ns)
         if self.recorder is not None:
-            self._collect()
             self._sampler.due(now_ns)
             self.recorder.acknowledge(now_ns)
 
-    def _collect(self) -> None:
-        """Take in results, and record them; a session that has begun takes its own."""
-        if self._session is not None and self._session.begun:
-            return
-        coils = [] if self.devices.tactiles is None else self.devices.tactiles.take_results()
-        brakes = [] if self.devices.brakes is None else self.devices.brakes.take_results()
-        self._results += [*coils, *brakes]
-        if self.recorder is not None:
-            now_ns = self.devices.now_ns()
-            for result in coils:
-                self.recorder.request(now_ns, result)
-            for result in brakes:
-                self.recorder.brake_request(now_ns, result)
+    def _take_result(self, now_ns: int, one: Result | Refusal) -> None:
+        if isinstance(one, Result) and one.owner == PROGRAM:
+            self._results.append(one)
 
     def _go_off(self) -> None:
         if self._service is not None:
@@ -427,7 +473,7 @@ class Glove:
         try:
             if self._recording is not None:
                 self._recording.hold_errors()
-            self._all_off()
+            self._off_at_last()
             self._settle()
         finally:
             self._lock.release()
@@ -437,13 +483,12 @@ class Glove:
         if self._session is not None and self._session.begun:
             self._session.settle()
         elif self.recorder is not None:
-            self._collect()
+            self.devices.hand_on_results()
             self._sampler.sample(self.devices.now_ns())
 
-    def _all_off(self, then: Callable[[], None] = lambda: None) -> None:
+    def _off_at_last(self) -> None:
         try:
             go_off(self.devices)
-            then()
         except Exception:
             if self._service is None or not self._service.ended:  # else it was reported already, and boards were stopped
                 raise
@@ -469,21 +514,23 @@ class Glove:
             )
         return min(needed_v, max_v)
 
-    def _brake_named(self, name: object, brakes: BrakeDriver) -> str:
+    def _brake_named(self, name: object, brakes: BrakeShare) -> str:
         if not isinstance(name, str) or name not in brakes.channels:
             known = f"{' or '.join(brakes.channels)}{nearest(name, brakes.channels)}"
             raise InputError(f"name = {brief(name)} is not a brake of this glove; expected {known}")
         return name
 
-    def _array(self) -> TactilesDriver:
-        if self.devices.tactiles is None:
+    def _array(self) -> TactilesShare:
+        share = self.devices.share_tactiles(PROGRAM)
+        if share is None:
             raise InputError("this glove was opened without a tactor array; open it with tactiles=…")
-        return self.devices.tactiles
+        return share
 
-    def _brakes(self) -> BrakeDriver:
-        if self.devices.brakes is None:
+    def _brakes(self) -> BrakeShare:
+        share = self.devices.share_brakes(PROGRAM)
+        if share is None:
             raise InputError("this glove was opened without a brake controller; open it with brake=…")
-        return self.devices.brakes
+        return share
 
 
 @known_arguments

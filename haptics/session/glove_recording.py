@@ -58,6 +58,7 @@ class GloveRecording:
         recorder = self._recorder = Recorder(self._journal, header, self._force, by_hand=True)
         self.wire.attach(recorder)
         devices.on_event(recorder.link_event)
+        devices.on_result(recorder.result)
         return recorder
 
     def hold_errors(self) -> None:

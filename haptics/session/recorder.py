@@ -14,11 +14,12 @@ from typing import Any
 
 import numpy as np
 
-from haptics.devices import Result
+from haptics.devices import Refusal, Result
 from haptics.link.clock import ClockFit
 from haptics.link.events import Disarmed, Event, FaultReported, Identified, Lost, Rebooted, Telemetry
 from haptics.link.messages import BRAKE_CHANNELS, COIL_CHANNELS
 from haptics.recording import Journal, StreamSpec
+from haptics.scene.geometry.pose import Pose
 from haptics.scene.hands.frame import HandFrame
 from haptics.scene.sites import SITES, nominal_sites
 from haptics.time import NS_PER_MS, NS_PER_S
@@ -276,6 +277,16 @@ class Recorder(LinkRecorder):
             )
         )
 
+    def moved(self, now_ns: int, name: str, pose: Pose) -> None:
+        """The engine put an object somewhere.
+
+        :param now_ns: when, ns.
+        :param name: the object's.
+        :param pose: in the world.
+        """
+        if "objects" in self.streams:
+            self.streams["objects"].append((now_ns, name, pose.position_m, pose.orientation_xyzw))
+
     def tick(self, now_ns: int, rise_k: Any, pin_out: Any, volts: Any, force_n: Any, piezo: Any) -> None:
         """The devices now.
 
@@ -288,22 +299,14 @@ class Recorder(LinkRecorder):
         """
         self.streams["ticks"].append((now_ns, rise_k, pin_out, volts, force_n, piezo))
 
-    def request(self, now_ns: int, result: Result) -> None:
-        """What became of a request for a coil.
+    def result(self, now_ns: int, one: Result | Refusal) -> None:
+        """What became of what was asked of a driver. A run's recording has no row for a brake or piezo.
 
         :param now_ns: when that was known, ns.
-        :param result: of the driver of the array.
+        :param one: from ``Devices.on_result``; a refusal has no row of its own.
         """
-        self._result("requests", now_ns, result)
-
-    def brake_request(self, now_ns: int, result: Result) -> None:
-        """What became of a call for a brake or piezo; a run's recording has no row for it.
-
-        :param now_ns: when that was known, ns.
-        :param result: of the driver of the brakes.
-        """
-        if "brake_requests" in self.streams:
-            self._result("brake_requests", now_ns, result)
-
-    def _result(self, stream: str, now_ns: int, one: Result) -> None:
-        self.streams[stream].append((now_ns, one.site, one.kind, one.played, one.reason or "", one.start_ns or 0))
+        if isinstance(one, Refusal):
+            return
+        stream = "brake_requests" if one.kind in ("brake", "piezo") else "requests"
+        if stream in self.streams:
+            self.streams[stream].append((now_ns, one.site, one.kind, one.played, one.reason or "", one.start_ns or 0))

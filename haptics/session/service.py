@@ -67,14 +67,18 @@ class Service:
         """What ended it, if anything did."""
         return self._error
 
-    def served(self, armed: bool = False) -> None:
-        """A call has served the boards itself, to its end.
+    def armed(self) -> None:
+        """The boards were armed again, by a person who was told of what was missed."""
+        self._missed = None
 
-        :param armed: it armed them.
-        """
-        self._served_ns = awake_ns()
-        if armed:
-            self._missed = None
+    @property
+    def serves(self) -> bool:
+        """Its thread ticks the glove, and is not the one that asks."""
+        return not self.ended and not self._stopping.is_set() and self._thread is not threading.current_thread()
+
+    def wait(self) -> None:
+        """Let about one tick pass."""
+        self._stopping.wait(TICK_NS / NS_PER_S)
 
     def catch_up(self) -> None:
         """Serve what is due, for a call that holds the lock: calls of many threads leave the service's own too few turns."""
@@ -112,7 +116,7 @@ class Service:
                 "(stopped, suspended or too busy)"
             )
             self.faults.append(self._missed)
-            go_off(self._devices)
+            self._devices.begin("off")
         else:
             self._tick(self._devices.now_ns())
         self._served_ns = awake_ns()

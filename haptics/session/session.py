@@ -7,12 +7,13 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 
-from haptics.devices import Result
+from haptics.devices import Refusal, Result
 from haptics.devices.pace import COMMAND_LEAD_NS
+from haptics.devices.sharing import SCENE
 from haptics.errors import InputError
 from haptics.physics.brake.charging import rise_time_s
 from haptics.physics.brake.contact import CONTACT
@@ -20,19 +21,26 @@ from haptics.physics.brake.parameters import BRAKE, capacitance_f
 from haptics.physics.latch.pulse import travel_s
 from haptics.rendering.events import LoopEvent
 from haptics.rendering.loop import Leads, RenderLoop
+from haptics.rendering.resuming import RESUMES, Resume
+from haptics.rendering.world import World
+from haptics.scene.geometry.pose import Pose
 from haptics.scene.hands.check import ill_formed
 from haptics.scene.hands.frame import HandFrame
+from haptics.scene.hands.joints import SIDES
+from haptics.scene.live_placement import LivePlacement
+from haptics.scene.objects import SceneObject
 from haptics.scene.scene import Scene
 from haptics.scene.sites import SITES, nominal_sites
 from haptics.session.configuration import Configuration
 from haptics.session.devices import Devices
 from haptics.session.glove import Glove
+from haptics.session.outcomes import Outcomes
 from haptics.session.peer_clock import PeerClock
 from haptics.session.plant_truth import PlantTruth
 from haptics.session.recorder import Recorder
 from haptics.session.sampler import KEPT, Sampler
 from haptics.time import LATEST_NS, NS_PER_S
-from haptics.units import a_callable, an_instance, known_arguments, whole_number
+from haptics.units import a_callable, an_instance, known_arguments, one_of, whole_number
 
 
 def device_leads(configuration: Configuration, scene: Scene) -> Leads:
@@ -64,19 +72,25 @@ class Session:
     poses. If poses stop, the session lets go of everything after 0.1 s. In virtual time, and on bare ``Devices``, the owner calls
     :meth:`tick` each millisecond.
 
-    :param scene: placed, so that every object has a place in the world.
+    Objects that have no place yet (at the palm, in the hand) are placed by the hand once it has been still for half a second, or
+    by :meth:`place`; until then they are not there. Of two hands the one that wears the glove is rendered, the other grasps and
+    carries objects and feels nothing.
+
+    :param scene: from ``haptics.load_scene``, placed or not.
     :param glove: open; from ``haptics.open``, or bare ``Devices``. A new session takes the place of one that is on it.
     :param configuration: of the brake's volts, the loop's rate and the hand's side; the glove's own if None.
     :param recorder: takes rows; that of the glove's recording if None and there is one.
     :param peer: clock that poses have their times on; the glove's own if None.
     :param kept: how many results and events, and how much of the plants' truth, the session remembers, 1 or more; None: all of
         it, for a session of known length. :meth:`subscribe` and a recording get all of them in any case.
-    :raises InputError: something else in place of these, here or in a call; a scene with an object
-        that has no place, or with brakes that the glove does not have.
+    :param resume: when poses come again after they had stopped: ``apart``: nothing is felt until the hand touches nothing;
+        ``gentle``: after a quarter of a second it goes on where it is, brakes rising slowly over a second.
+    :param world: see ``haptics.rendering.world``; of the session of the other hand, to share its objects.
+    :raises InputError: something else in place of these, here or in a call; a scene with brakes that the glove does not have.
 
     :ivar results: what became of the last touches and pulses that the scene asked for.
     :ivar brake_results: what became of the last brakes and piezos, likewise.
-    :ivar events: the last touches, grasps, refused poses and the like, in order.
+    :ivar events: the last touches, grasps, refused poses and the like, what was wanted, and what acted or was denied, in order.
     :ivar truth: what simulated plants did; empty on hardware.
     :ivar leads: how long before a touch each device is driven.
     """
@@ -90,6 +104,8 @@ class Session:
         recorder: Recorder | None = None,
         peer: PeerClock | None = None,
         kept: int | None = KEPT,
+        resume: Resume = "apart",
+        world: World | None = None,
     ):
         an_instance("scene", scene, Scene, "from haptics.load_scene")
         if not isinstance(glove, Devices):
@@ -105,11 +121,16 @@ class Session:
         elif recorder is not None:
             an_instance("recorder", recorder, Recorder, "on a journal, or None")
             self.devices.on_event(recorder.link_event)
+            self.devices.on_result(recorder.result)
         if peer is not None:
             an_instance("peer", peer, PeerClock, "or None where poses have the glove's time")
         self._peer, self._jumps = peer, 0
+        one_of("resume", resume, RESUMES)
         self._check_scene(scene)
-        self.scene, self.recorder = scene, recorder
+        self.recorder = recorder
+        self._placing = LivePlacement(scene) if scene.unresolved else None
+        self._asked = scene
+        self.configuration = configuration
         if kept is not None:
             whole_number("kept", kept, 1, 10**9)
         self.results: deque[Result] = deque(maxlen=kept)
@@ -119,20 +140,24 @@ class Session:
         self.leads = device_leads(configuration, scene)
         devices = self.devices
         max_v = math.inf if devices.brakes is None else devices.brakes.max_amplitude_v
+        self._outcomes = Outcomes(self.leads, self._happened)
         self.loop = RenderLoop(
-            scene,
+            scene.without_unresolved(),
             nominal_sites(),
-            devices.tactiles,
-            devices.brakes,
+            devices.share_tactiles(SCENE),
+            devices.share_brakes(SCENE),
             self.leads,
             brake_amplitude_v=min(configuration.brake.amplitude_v, max_v),
             clutch_amplitude_v=min(configuration.brake.clutch_amplitude_v, max_v),
             tick_ns=NS_PER_S // configuration.tick_hz,
             side=None if configuration.side == "auto" else configuration.side,
+            resume=resume,
+            world=world,
         )
+        devices.on_result(self._take_result)
         self._times_armed = devices.times_armed
         self._last_ns = 0
-        self.begun = False
+        self.begun = self._ended = False
         self._sampler = Sampler(devices, recorder, kept)
         self.truth = self._sampler.truth
         self._turn: Callable[[], AbstractContextManager[object]] = nullcontext
@@ -141,12 +166,6 @@ class Session:
             glove.take_on(self)
 
     def _check_scene(self, scene: Scene) -> None:
-        nowhere = [item.name for item in scene.objects if not item.resolved]
-        if nowhere:
-            raise InputError(
-                f"scene {scene.name!r} has no place for {', '.join(nowhere)} yet; place it with scene.placed_for(a hand), "
-                "or scene.placed(palm_m)"
-            )
         brakes = self.devices.brakes
         driven = dict.fromkeys((*scene.needs.brakes, *scene.needs.piezos, *scene.needs.clutches))
         if brakes is None and driven:
@@ -190,6 +209,10 @@ class Session:
                     return reason
                 frame = self._on_our_clock(frame, self._peer, now_ns)
             reason = self.loop.submit(frame, now_ns)
+            if self._placing is not None and self.loop.frame is frame:
+                placed = self._placing.observe(frame)
+                if placed is not None:
+                    self._put_in_place(placed, now_ns)
             if self.recorder is not None and ill_formed(frame) is None:  # what has no row in the recording is an event there
                 self.recorder.pose(now_ns, frame, reason is None)
             return reason
@@ -201,14 +224,128 @@ class Session:
             self.loop.hand_gone(now_ns)  # times after it do not go on from those before
         return replace(frame, time_ns=peer.to_host_ns(frame.time_ns))
 
-    def hand_gone(self, now_ns: int | None = None) -> None:
-        """The tracker reports that there is no hand any more: everything is let go of.
+    def hand_gone(self, now_ns: int | None = None, side: str | None = None) -> None:
+        """The tracker reports that a hand is not there any more: everything is let go of.
 
         :param now_ns: when that was known, ns on the glove's clock; now if None.
+        :param side: of that hand, ``left`` or ``right``; None: no hand is there.
+        """
+        now_ns = self._time("now_ns", now_ns)
+        if side is not None:
+            one_of("side", side, SIDES)
+        with self._turn():
+            self.loop.hand_gone(now_ns, side)
+            if self._placing is not None:
+                self._placing.forget()
+
+    # The scene ------------------------------------------------------------------------------------------------------
+
+    @property
+    def scene(self) -> Scene:
+        """What is rendered now: the scene, without objects that have no place yet."""
+        return self.loop.scene
+
+    @property
+    def waits_for(self) -> str:
+        """What a person has to do so that all objects are there; empty where they are."""
+        return "" if self._placing is None else self._placing.waits_for
+
+    def place(self, now_ns: int | None = None) -> None:
+        """Place the scene by the hand as it is now, for the first time or anew (recentre).
+
+        Objects with a place in the world of their own stay; those that were carried or moved are back where the scene has them.
+
+        :param now_ns: ns on the glove's clock; now if None.
+        :raises InputError: no hand is there, or it is closed and an object is to be in it.
         """
         now_ns = self._time("now_ns", now_ns)
         with self._turn():
-            self.loop.hand_gone(now_ns)
+            if self.loop.frame is None:
+                raise InputError("there is no hand to place the scene by; submit its poses first")
+            self._put_in_place(LivePlacement(self._asked).place(self.loop.frame), now_ns)
+
+    @known_arguments
+    def move_object(
+        self,
+        name: str,
+        position_m: Sequence[float],
+        orientation_xyzw: Sequence[float] = (0.0, 0.0, 0.0, 1.0),
+        now_ns: int | None = None,
+    ) -> None:
+        """The engine puts an object somewhere; as often as it moves. One with ``owner = "engine"`` is foreseen to move so.
+
+        An object of the scene's own that is in a hand stays there.
+
+        :param name: the object's.
+        :param position_m: of its origin in the world, three numbers, m.
+        :param orientation_xyzw: of its axes, a unit quaternion.
+        :param now_ns: ns on the glove's clock; now if None.
+        :raises InputError: no such object, one with a motion of its own, or no pose.
+        """
+        pose = Pose(position_m, orientation_xyzw)  # type: ignore[arg-type]  # checked and made tuples there
+        now_ns = self._time("now_ns", now_ns)
+        with self._turn():
+            self.loop.world.move(name, pose)
+            if self.recorder is not None:
+                self.recorder.moved(now_ns, name, pose)
+
+    def add_object(self, item: SceneObject, now_ns: int | None = None) -> None:
+        """Put one more object into the scene; what is felt of the others goes on.
+
+        :param item: with a place in the world.
+        :param now_ns: ns on the glove's clock; now if None.
+        :raises InputError: one of that name is there, or it has no place.
+        """
+        an_instance("item", item, SceneObject, "of haptics.scene.objects")
+        if not item.resolved:
+            raise InputError(f"object {item.name!r} has no place in the world; an object that is added needs one")
+        with self._turn():
+            scene = self.loop.world.scene_now()
+            more = replace(scene, objects=(*scene.objects, item))
+            self._check_scene(more)
+            self._asked = replace(self._asked, objects=(*self._asked.objects, item))
+            self._change(more, self._time("now_ns", now_ns))
+
+    def remove_object(self, name: str, now_ns: int | None = None) -> None:
+        """Take an object out of the scene; what was felt of it is let go of.
+
+        :param name: the object's.
+        :param now_ns: ns on the glove's clock; now if None.
+        :raises InputError: no such object, or a rule of the scene is about it.
+        """
+        with self._turn():
+            self._asked.object(name)
+            scene = self.loop.world.scene_now()
+            left = replace(scene, objects=tuple(item for item in scene.objects if item.name != name))
+            self._asked = replace(self._asked, objects=tuple(item for item in self._asked.objects if item.name != name))
+            self._change(left, self._time("now_ns", now_ns))
+
+    def change_scene(self, scene: Scene, now_ns: int | None = None) -> None:
+        """Go on with another scene. Objects that are alike in both go on being felt; all else is let go of, and outputs that the
+        new scene has no use for are off.
+
+        :param scene: placed or not.
+        :param now_ns: ns on the glove's clock; now if None.
+        :raises InputError: no scene, or one with brakes that the glove does not have; the old one goes on.
+        """
+        an_instance("scene", scene, Scene, "from haptics.load_scene")
+        self._check_scene(scene)
+        with self._turn():
+            self._asked = scene
+            self._placing = LivePlacement(scene) if scene.unresolved else None
+            self._change(scene.without_unresolved(), self._time("now_ns", now_ns))
+
+    def _put_in_place(self, placed: Scene, now_ns: int) -> None:
+        self._placing = None
+        self._change(placed, now_ns)
+        self._happened(LoopEvent(now_ns, "placed", "", "", ", ".join(self._asked.unresolved)))
+
+    def _change(self, scene: Scene, now_ns: int) -> None:
+        self.leads = device_leads(self.configuration, scene)
+        self.loop.change_scene(scene, self.leads, now_ns)
+        for event in self.loop.take_events():
+            self._happened(event)
+        self._happened(LoopEvent(now_ns, "scene", "", "", f"{scene.name}: {', '.join(scene.names) or 'no objects'}"))
 
     def tick(self, now_ns: int | None = None) -> None:
         """One period of the loop: links to a time, effects, drivers, rows.
@@ -233,6 +370,9 @@ class Session:
     def _act(self, now_ns: int) -> None:
         self._last_ns = now_ns = max(now_ns, self._last_ns)  # in real time the glove's thread may have been here since
         self.loop.tick(now_ns)
+        for event in self.loop.take_events():
+            self._happened(event)  # what was wanted, before what came of it
+        self.devices.tick(now_ns)
         self._observe(now_ns)
 
     def end(self) -> None:
@@ -241,6 +381,7 @@ class Session:
             now_ns = self.devices.now_ns()
             self.loop.hand_gone(now_ns)
             self._observe(now_ns, last=True)
+            self._ended = True
             if isinstance(self.glove, Glove):
                 self.glove.let_go_of(self)
 
@@ -251,6 +392,7 @@ class Session:
         """Devices that were armed anew have forgotten what they did; so does the loop."""
         if self.devices.times_armed != self._times_armed:
             self._times_armed = self.devices.times_armed
+            self._outcomes.forget()
             self.loop.start_over(now_ns)
 
     def settle(self) -> None:
@@ -258,22 +400,7 @@ class Session:
         self._observe(self.devices.now_ns(), last=True)
 
     def _observe(self, now_ns: int, last: bool = False) -> None:
-        array, brakes = self.devices.tactiles, self.devices.brakes
-        if array is not None:
-            for result in array.take_results():
-                self.results.append(result)
-                self._hand_on(result)
-                if self.recorder is not None:
-                    self.recorder.request(now_ns, result)
-        if brakes is not None:
-            refusals, results = brakes.take_answers()
-            for result in results:
-                self.brake_results.append(result)
-                self._hand_on(result)
-                if self.recorder is not None:
-                    self.recorder.brake_request(now_ns, result)
-            for refusal in refusals:
-                self._happened(LoopEvent(now_ns, "derated", refusal.command, "", refusal.reason))
+        self.devices.hand_on_results()
         for event in self.loop.take_events():
             self._happened(event)
         if last:
@@ -283,11 +410,22 @@ class Session:
         if self.recorder is not None:
             self.recorder.acknowledge(now_ns)
 
+    def _take_result(self, now_ns: int, one: Result | Refusal) -> None:
+        if isinstance(one, Refusal):
+            self._happened(LoopEvent(now_ns, "derated", one.command, "", one.reason))
+        elif one.owner == SCENE and not self._ended:
+            (self.brake_results if one.kind in ("brake", "piezo") else self.results).append(one)
+            self._hand_on(one)
+            self._outcomes.tell(now_ns, one)
+
     def _happened(self, event: LoopEvent) -> None:
+        if event.kind == "wanted":
+            self._outcomes.want(event)
         self.events.append(event)
         self._hand_on(event)
         if self.recorder is not None:
-            self.recorder.event(event.time_ns, event.kind, event.subject, event.object, event.detail)
+            detail = f"{event.detail}: {event.reason}" if event.reason else event.detail
+            self.recorder.event(event.time_ns, event.kind, event.subject, event.object, detail)
 
     def subscribe(self, sink: Callable[[Result | LoopEvent], None]) -> None:
         """Hand on every result and event, when it becomes known.

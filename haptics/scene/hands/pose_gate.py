@@ -24,6 +24,8 @@ PAST_NS = 250 * NS_PER_MS
 """What is older than this when it arrives shows no hand that is there: the line is too slow, or its clock is another."""
 BUNCHED_NS = 4 * NS_PER_MS
 """Poses that arrive with times nearer than this are taken to be so far apart: stamped when they were sent, they bunch up."""
+OTHER_HAND = "it is of the hand that wears no glove (`side` chooses which)"
+"""Why a pose is refused that may be taken for the other hand."""
 FORGOTTEN_NS = 100 * NS_PER_MS
 """After this long without a pose of the hand that was followed, the other hand may be."""
 
@@ -41,6 +43,11 @@ class PoseGate:
         self.overturned: HandFrame | None = None
         """The pose accepted before, where the last verdict was that it had been wrong."""
         self.forget()
+
+    @property
+    def last(self) -> HandFrame | None:
+        """The last pose accepted, while the hand is there."""
+        return self._last
 
     def forget(self) -> None:
         """The hand is gone; the next pose is held against none."""
@@ -61,7 +68,9 @@ class PoseGate:
         if not isinstance(frame, HandFrame):
             raise InputError(f"frame is {shown(frame)}; expected a HandFrame (haptics.scene.HandFrame)")
         self.starts_anew, self.overturned = False, None
-        reason = check_frame(frame, None) or self._untimely(frame, now_ns) or self._of_other_hand(frame)
+        reason = (
+            check_frame(frame, None) or self._untimely(frame, now_ns) or self._of_other_hand(frame) or self._before_last(frame)
+        )
         if reason is not None:
             return reason
         last = self._last
@@ -93,17 +102,17 @@ class PoseGate:
         if now_ns is not None and frame.time_ns < now_ns - PAST_NS:
             behind_s = (now_ns - frame.time_ns) / NS_PER_S
             return f"clock: its time lies {behind_s:.6g} s behind its arrival, more than {PAST_NS / NS_PER_S:g} s"
+        return None
+
+    def _before_last(self, frame: HandFrame) -> str | None:
         if self._last is not None and frame.time_ns <= self._last.time_ns:
             return f"its time {frame.time_ns} ns does not follow {self._last.time_ns} ns"
         return None
 
     def _of_other_hand(self, frame: HandFrame) -> str | None:
-        if self._side is not None and frame.side != self._side:
-            return f"it is of the {frame.side} hand; the glove is on the {self._side} one (`side` chooses which)"
         last = self._last
-        if last is not None and frame.side != last.side and frame.time_ns - last.time_ns <= FORGOTTEN_NS:
-            return f"it is of the {frame.side} hand while the {last.side} one is followed (`side` chooses which)"
-        return None
+        followed = last is not None and frame.side != last.side and frame.time_ns - last.time_ns <= FORGOTTEN_NS
+        return OTHER_HAND if followed or (self._side is not None and frame.side != self._side) else None
 
 
 def _go_together(earlier: HandFrame, later: HandFrame, min_ns: int) -> bool:
