@@ -14,7 +14,7 @@ from typing import Any
 from typer.core import TyperGroup
 from typer.main import get_command
 
-from haptics.cli import configuration, fidelity, garment, predict, recording, run
+from haptics.cli import configuration, fidelity, garment, hand, predict, recording, run
 from haptics.cli.link import app as link
 from haptics.cli.program import ENDINGS, ended_by
 from haptics.cli.typed import Commands
@@ -44,6 +44,7 @@ _groups = {
     "link": link.app,
     "config": configuration.app,
     "recording": recording.app,
+    "hand": hand.app,
     "fidelity": fidelity.app,
     "garment": garment.app,
 }

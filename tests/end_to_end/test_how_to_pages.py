@@ -54,9 +54,10 @@ def test_the_hand_of_the_page_is_the_one_that_it_was_made_from(tmp_path, monkeyp
     for language, content, _ in blocks("own-hand"):
         if language == "python":
             exec(compile(content, "own-hand.md", "exec"), names)
-    mine, shipped = haptics.load_hand("mine.jsonl"), haptics.load_hand("synthetic")
+    mine, shipped = haptics.load_hand("mine.csv"), haptics.load_hand("synthetic")
     assert (mine.refused, mine.frame_count) == ((), shipped.frame_count)
-    assert abs(mine.tracks[0].joint_m("index_tip") - shipped.tracks[0].joint_m("index_tip")).max() < 1e-9
+    off_m = abs(mine.tracks[0].joint_m("index_tip") - shipped.tracks[0].joint_m("index_tip")).max()
+    assert off_m < 1e-7  # as many digits as the page writes
 
 
 @pytest.mark.parametrize("page", PAGES)

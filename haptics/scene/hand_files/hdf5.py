@@ -1,15 +1,22 @@
-"""The hand of one of the project's own recordings (HDF5, stream ``poses``), to be played again."""
+"""The hand of one of the project's own recordings (HDF5, stream ``poses``), to be played again.
+
+A run begins with its motion, at an event ``start``, and all of its poses are given. A session on a glove (``haptics.open`` with
+``record``) has been given poses as an engine had them: its motion begins with the first one, and of a hand of which it took some,
+those that it refused are left out.
+"""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from haptics.errors import InputError
 from haptics.recording import Recording, load
 from haptics.recording.streams import check_fields
 from haptics.scene.hands.joints import SIDES
+from haptics.scene.hands.origin import Origin
 from haptics.scene.hands.recording import HandRecording, HandTrack
 from haptics.scene.hands.time_order import LONGEST_S
 from haptics.time import NS_PER_S
@@ -22,20 +29,27 @@ _FIELDS: dict[str, tuple[str, tuple[int, ...] | None]] = {
     "position_m": ("f", (26, 3)),
     "orientation_xyzw": ("f", (26, 4)),
 }
+_ACCEPTED: dict[str, tuple[str, tuple[int, ...] | None]] = {"accepted": ("biu", ())}
 
 
 def load_recorded(path: Path) -> HandRecording:
-    """The poses that a run received, exactly, with time zero at the start of its motion.
+    """The poses that a run or a session received, exactly, with time zero at the start of the motion.
 
-    :param path: a recording made by ``haptics run``.
+    :param path: a recording made by ``haptics run``, or of a glove with a session on it.
     :return: the hand, ready to be played again.
     :raises InputError: not a recording, or one without poses.
     """
     recording = load(path)
     if "poses" not in recording:
-        raise InputError(f"hand {path}: the recording has no stream `poses`; expected one that `haptics run` made")
+        raise InputError(f"hand {path}: the recording has no stream `poses`; expected one of `haptics run` or a session")
     check_fields(f"hand {path}", recording.streams["poses"], _FIELDS)
-    poses, start_ns = recording.stream("poses"), motion_start_ns(recording)
+    poses, dropped = recording.stream("poses"), {}
+    if "scene_source" in recording.header:
+        kind, start_ns = "a recording of `haptics run`", motion_start_ns(recording)
+    else:
+        check_fields(f"hand {path}", recording.streams["poses"], _ACCEPTED)
+        kind, (poses, dropped) = "a recording of a session", _taken(poses)
+        start_ns = int(poses["sampled_ns"].min()) if len(poses) else 0
     for index, sampled_ns in enumerate(poses["sampled_ns"].tolist()):
         if abs(sampled_ns - start_ns) > LONGEST_S * NS_PER_S:
             raise InputError(
@@ -63,7 +77,16 @@ def load_recorded(path: Path) -> HandRecording:
         duration_s = float(poses["sampled_ns"].max() - start_ns) / NS_PER_S if len(poses) else 0.0
     count = motion.get("frame_count")
     frame_count = count if isinstance(count, int) else len(poses)
-    return HandRecording(str(motion.get("source", path.name)), tuple(tracks), frame_count, duration_s)
+    origin = Origin(kind, "openxr", "m", "ns", off_m=0.0)
+    return HandRecording(str(motion.get("source", path.name)), tuple(tracks), frame_count, duration_s, dropped, origin=origin)
+
+
+def _taken(poses: NDArray[np.void]) -> tuple[NDArray[np.void], dict[str, int]]:
+    """Of each hand of which the session took poses, those; of the other hand, which drives nothing, all."""
+    taken = poses["accepted"] != 0
+    keep = taken | ~np.isin(poses["side"], poses["side"][taken])
+    refused = int((~keep).sum())
+    return poses[keep], {"poses that the session refused": refused} if refused else {}
 
 
 def motion_start_ns(recording: Recording) -> int:

@@ -9,7 +9,7 @@ points a finger and the palm. What OpenXR has beyond them is estimated:
 - the thumb's ``mcpPosition`` is the base of its metacarpal, a finger's is its knuckle (``*_proximal``);
 - the wrist lies ``WRIST_BEHIND_PALM`` lengths of the middle finger's proximal bone behind the palm. Leap's palm is about
   20 mm behind the middle knuckle, and a wrist 90 mm, twice that bone (assumed, from bone lengths of adults);
-- the other metacarpals begin at ``METACARPAL_SHARE`` of the distance from the knuckle to the wrist (assumed, likewise);
+- the other metacarpals begin where ``completion.put_in_metacarpals`` puts them (assumed, likewise);
 - orientations come from the bones' directions and the palm's normal (``haptics.scene.hands.bones``).
 
 A pose that cannot be read, and a frame out of order in time, are left out and kept in ``refused``; where they are a large share
@@ -32,8 +32,10 @@ from haptics.scene.hand_files.json_stream import Item, Member, read_items
 from haptics.scene.hand_files.leap_frame import Seen, of_type, read_frame
 from haptics.scene.hand_files.packed_rows import check_schema, unpacked
 from haptics.scene.hands.bones import orientations
+from haptics.scene.hands.completion import METACARPALS, put_in_metacarpals
 from haptics.scene.hands.frame import Floats
 from haptics.scene.hands.joints import FINGERS, JOINT, NOMINAL_RADIUS_M, Side
+from haptics.scene.hands.origin import Origin
 from haptics.scene.hands.recording import HandRecording, HandTrack, RefusedPose, too_many_refused
 from haptics.scene.hands.time_order import in_order, why_not
 from haptics.time import NS_PER_MS, NS_PER_S, NS_PER_US
@@ -43,12 +45,12 @@ PROTOCOL_VERSION = 6
 TRACK_GAP_NS = 100 * NS_PER_MS
 """A hand unseen for longer than this comes back as a new track."""
 WRIST_BEHIND_PALM = 1.5
-METACARPAL_SHARE = 0.72
 HOPELESS = 1000
 """So many refused poses, a large share so far, and no more of the file is read."""
 
 FASTEST_S, SLOWEST_S = 1e-3, 0.5
 """A tracker's frames are no nearer and no farther apart, in the median (assumed; those in use give some 10 to 300 a second)."""
+ORIGIN = Origin("Leap Motion, as LeapJS writes it", "openxr", "mm", "us", ("wrist", *METACARPALS), turned=True)
 _REPEATED = "frames that repeat a time stamp"
 _HEADERS = frozenset({"version", "serviceVersion", "state", "event"})
 
@@ -163,6 +165,7 @@ class _Reading:
             dropped=dict(self._dropped),
             refused=tuple(RefusedPose(None if at is None else at - first_ns, side, reason) for at, side, reason in self._refused),
             notes=(*self._notes(), *_of_rate(kept_ns)),
+            origin=ORIGIN,
         )
 
     def _leave_out(self, time_ns: np.ndarray, keep: np.ndarray) -> None:
@@ -240,12 +243,10 @@ def _track(number: int, track: _OpenTrack) -> HandTrack:
     for finger, name in enumerate(FINGERS):
         tip = JOINT[f"{name}_tip"]
         position_m[:, tip - 3 : tip + 1] = finger_m[:, finger]
-        if name != "thumb":
-            knuckle_m = finger_m[:, finger, 0]
-            position_m[:, JOINT[f"{name}_metacarpal"]] = knuckle_m + METACARPAL_SHARE * (wrist_m - knuckle_m)
         width_m = rows[:, 69 + finger] * 1e-3
         if np.isfinite(width_m).any():
             radius_m[tip - 2 : tip + 1] = 0.5 * np.nanmedian(width_m)
+    put_in_metacarpals(position_m, METACARPALS)
     return HandTrack(
         side=track.side,
         track_id=number,

@@ -61,7 +61,7 @@ class HandFrame:
         :param time_ns: when the pose was sampled, ns on the glove's clock.
         :param side: ``left`` or ``right``.
         :param joints: position (3,) in the basis's unit and orientation (4,) as ``(x, y, z, w)``, by name: one of ``JOINTS``, or
-            as OpenXR (``XR_HAND_JOINT_INDEX_TIP_EXT``) or WebXR (``index-finger-tip``) spell it.
+            as OpenXR (``XR_HAND_JOINT_INDEX_TIP_EXT``), WebXR (``index-finger-tip``) or Unity (``IndexTip``) spell it.
         :param track_id: another number whenever the tracker has lost the hand in between.
         :param valid: whether the tracker vouches for the pose.
         :param basis: whose axes and unit the numbers have: a name of ``BASES``, or one of your own.

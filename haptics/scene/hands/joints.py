@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Literal
 
 import numpy as np
@@ -20,6 +21,8 @@ JOINTS: tuple[str, ...] = (
 JOINT = {name: index for index, name in enumerate(JOINTS)}
 Side = Literal["left", "right"]
 SIDES: tuple[Side, Side] = ("left", "right")
+_HUMPS = re.compile(r"(?<=[a-z])(?=[A-Z])")
+"""Between the words of ``ThumbTip``."""
 
 
 def _nominal_radius_m() -> NDArray[np.float64]:
@@ -36,13 +39,14 @@ NOMINAL_RADIUS_M = _nominal_radius_m()
 def joint_index(name: str) -> int:
     """The place of a joint in ``JOINTS``.
 
-    :param name: ours, or OpenXR's or WebXR's spelling; ``pinky`` is ``little``.
+    :param name: ours, or the spelling of OpenXR, WebXR, Unity XR Hands, Unreal or Godot; ``pinky`` is ``little``.
     :return: 0 to 25.
     :raises InputError: no such joint.
     """
-    plain = str(name).lower().replace("-", "_").removeprefix("xr_hand_joint_").removesuffix("_ext")
+    plain = _HUMPS.sub("_", str(name)).lower().replace("-", "_")
+    plain = plain.removeprefix("xr_").removeprefix("hand_joint_").removesuffix("_ext")
     plain = plain.replace("_finger", "").replace("_phalanx", "").replace("pinky", "little")
     if plain not in JOINT:
-        known = f"{', '.join(JOINTS)}, or WebXR's names for them{nearest(plain, JOINTS)}"
+        known = f"{', '.join(JOINTS)}, or WebXR's or Unity's names for them{nearest(plain, JOINTS)}"
         raise InputError(f"joint = {name!r} is not known; known joints: {known}")
     return JOINT[plain]

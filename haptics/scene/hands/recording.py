@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from haptics.scene.hands.frame import Floats, HandFrame
 from haptics.scene.hands.joints import NOMINAL_RADIUS_M, SIDES, Side, joint_index
+from haptics.scene.hands.origin import Origin
 
 LARGE_SHARE = 0.2
 """Where this share of a recording's poses, or more, must be refused, the recording as a whole is not to be trusted."""
@@ -93,6 +94,7 @@ class HandRecording:
     :param dropped: what was left out while reading, and how often.
     :param refused: poses that could not be read.
     :param notes: what was taken for granted while reading, in sentences for people.
+    :param origin: what of the joints was read and what made; None where no file was read.
     """
 
     source: str
@@ -102,6 +104,7 @@ class HandRecording:
     dropped: Mapping[str, int] = field(default_factory=dict)
     refused: tuple[RefusedPose, ...] = ()
     notes: tuple[str, ...] = ()
+    origin: Origin | None = None
 
     def of_side(self, side: str) -> tuple[HandTrack, ...]:
         """The tracks of one side.

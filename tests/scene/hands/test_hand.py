@@ -56,6 +56,14 @@ def test_webxr_names_are_the_same_joints_without_the_palm():
     assert [joint_index(name) for name in names] == list(range(1, 26))
 
 
+def test_names_of_unity_unreal_and_godot_are_the_same_joints():
+    camel = ["".join(part.capitalize() for part in name.split("_")) for name in JOINTS]
+    assert camel[:3] == ["Palm", "Wrist", "ThumbMetacarpal"]
+    assert [joint_index(name) for name in camel] == list(range(26))
+    godot = ["HAND_JOINT_PALM", "HAND_JOINT_THUMB_TIP", "HAND_JOINT_INDEX_FINGER_PHALANX_PROXIMAL", "HAND_JOINT_PINKY_FINGER_TIP"]
+    assert [JOINTS[joint_index(name)] for name in godot] == ["palm", "thumb_tip", "index_proximal", "little_tip"]
+
+
 def test_pinky_is_little():
     assert [joint_index(name) for name in WEBXR] == list(range(1, 26))
     assert joint_index("pinky_tip") == JOINT["little_tip"]
