@@ -42,6 +42,13 @@ if TYPE_CHECKING:
     from haptics.recording.hdf5_file import DamagedFile as DamagedFile
     from haptics.recording.recording import Recording as Recording
     from haptics.rendering.events import EventKind as EventKind, LoopEvent as LoopEvent
+    from haptics.scene.calibration.hand_calibration import HandCalibration as HandCalibration
+    from haptics.scene.calibration.routine import CalibrationRoutine as CalibrationRoutine, CalibrationStep as CalibrationStep
+    from haptics.scene.calibration.store import (
+        load_calibration as load_calibration,
+        save_calibration as save_calibration,
+        saved_calibrations as saved_calibrations,
+    )
     from haptics.scene.hand_files.load import load_hand as load_hand, shipped_hands as shipped_hands
     from haptics.scene.hands.basis import BASES as BASES, Basis as Basis
     from haptics.scene.hands.frame import HandFrame as HandFrame
@@ -93,6 +100,9 @@ _ROOMS = {
     "haptics.recording.hdf5_file": ("DamagedFile",),
     "haptics.recording.recording": ("Recording",),
     "haptics.rendering.events": ("EventKind", "LoopEvent"),
+    "haptics.scene.calibration.hand_calibration": ("HandCalibration",),
+    "haptics.scene.calibration.routine": ("CalibrationRoutine", "CalibrationStep"),
+    "haptics.scene.calibration.store": ("load_calibration", "save_calibration", "saved_calibrations"),
     "haptics.scene.hand_files.load": ("load_hand", "shipped_hands"),
     "haptics.scene.hands.basis": ("BASES", "Basis"),
     "haptics.scene.hands.frame": ("HandFrame",),

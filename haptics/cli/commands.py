@@ -14,7 +14,7 @@ from typing import Any
 from typer.core import TyperGroup
 from typer.main import get_command
 
-from haptics.cli import configuration, fidelity, garment, hand, predict, recording, run
+from haptics.cli import calibration, configuration, fidelity, garment, hand, predict, recording, run
 from haptics.cli.link import app as link
 from haptics.cli.program import ENDINGS, ended_by
 from haptics.cli.typed import Commands
@@ -43,6 +43,7 @@ _groups = {
     "predict": predict.app,
     "link": link.app,
     "config": configuration.app,
+    "calibration": calibration.app,
     "recording": recording.app,
     "hand": hand.app,
     "fidelity": fidelity.app,
@@ -53,6 +54,7 @@ for _name, _group in _groups.items():
 app.command("run")(run.run)
 app.command("scenes")(run.scenes)
 app.command("replay")(recording.replay)
+app.command("calibrate")(calibration.calibrate)
 app.command("ports")(link.ports)
 app.command("off")(link.off)
 

@@ -23,10 +23,15 @@ def check(
 
     configuration = load_configuration(path)
     if json:
-        print_json({"path": str(path), "valid": True, "configuration": configuration.model_dump(mode="json")})
+        keys = {
+            **configuration.model_dump(mode="json"),
+            "hand_calibration": configuration.hand_calibration,
+        }  # None is left out there
+        print_json({"path": str(path), "valid": True, "configuration": keys})
         return
     print(f"{path}: valid")
-    print(f"  hand      {configuration.side}, tracker latency {configuration.tracker_latency_s * 1e3:g} ms")
+    of = "" if configuration.hand_calibration is None else f", calibration {configuration.hand_calibration}"
+    print(f"  hand      {configuration.side}, tracker latency {configuration.tracker_latency_s * 1e3:g} ms{of}")
     tactiles, brake = configuration.tactiles, configuration.brake
     limits = f"{tactiles.rise_limit_k:g} K, {tactiles.current_limit_a:g} A"
     print(f"  tactiles  {tactiles.port}, {len(tactiles.sites)} sites, {limits}")

@@ -32,6 +32,7 @@ def run(
     latency_ms: Annotated[float | None, typer.Option(help="age of a pose when it arrives, ms [default: 10]")] = None,
     seed: Annotated[int, typer.Option(help="seed of the simulated boards")] = 1,
     config: Annotated[Path | None, typer.Option(help="glove.toml; without it, the simulated glove")] = None,
+    calibration: Annotated[str | None, typer.Option(help="name of the calibration of the hand [default: as configured]")] = None,
     out: Annotated[Path | None, typer.Option(help="recording to write (HDF5) [default: SCENE-TIME.h5]")] = None,
     rrd: Annotated[Path | None, typer.Option(help="also write a rerun recording (extra `view`)")] = None,
     picture: Annotated[Path | None, typer.Option(help="also write a still picture, PNG (extra `report`)")] = None,
@@ -44,6 +45,7 @@ def run(
     json: Annotated[bool, typer.Option("--json", help="print one JSON object")] = False,
 ) -> None:
     """Play a hand's motion through a scene on the devices, record everything, and report what was felt."""
+    from haptics.scene.calibration.store import load_calibration
     from haptics.session.configuration import load_configuration
     from haptics.session.run import RunOptions, run_scene
 
@@ -69,6 +71,7 @@ def run(
             levels=chosen_levels(level),
             tolerance_jnd=tolerance_jnd,
             budget_s_per_s=budget,
+            calibration=None if calibration is None else load_calibration(calibration),
         ),
     )
     try:
@@ -92,6 +95,7 @@ def _show(report: dict) -> None:
         f"{report['scene']} with {hand['source']}",
         {
             "hand": f"{hand['frames']} frames, {hand['duration_s']:.2f} s, {hand['side']}",
+            **({"calibration": hand["calibration"]} if "calibration" in hand else {}),
             "contacts, grasps": f"{report['contacts']}, {report['grasps']}",
             "pulses": f"{pulses['requested']} asked for, {pulses['played']} played; denied: {denied}",
             "onset error": _onset(onset),

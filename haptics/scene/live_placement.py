@@ -76,8 +76,8 @@ class LivePlacement:
         """
         if self._in_hand and _opening_m(frame) < OPEN_M:
             raise InputError(
-                f"thumb and index are {_opening_m(frame) * 1e3:.0f} mm apart; open them by {OPEN_M * 1e3:.0f} mm or more to place "
-                "an object between them"
+                f"thumb and index are {_opening_m(frame) * 1e3:.0f} mm apart; open them by {OPEN_M * 1e3:.0f} mm or more to place"
+                " an object between them"
             )
         return self._scene.placed(frame.position_m[_PALM], _between(frame) if self._in_hand else None, frame.side)
 

@@ -309,6 +309,11 @@ class Configuration(_Part):
     side: Literal["auto", "left", "right"] = Field(default="auto", description="hand the glove is on; auto: the one seen most")
     tracker_latency_s: Annotated[float, Field(ge=0, le=0.1)] = Field(default=0.010, description="a pose's age when it arrives, s")
     tick_hz: Annotated[int, Field(ge=250, le=2000)] = 1000
+    hand_calibration: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,64}$")] | None = Field(
+        default=None,
+        description="name of the calibration of the hand that wears the glove: 1 to 64 letters, digits, - and _",
+        exclude_if=lambda name: name is None,
+    )
     tactiles: TactilesConfiguration = TactilesConfiguration()
     brake: BrakeConfiguration = BrakeConfiguration()
 

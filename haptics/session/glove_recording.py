@@ -13,6 +13,7 @@ from haptics.session.composition import EarlyWire
 from haptics.session.configuration import Configuration
 from haptics.session.devices import Devices
 from haptics.session.recorder import Recorder, provenance, sites_of_joints
+from haptics.session.whose_hand import calibration_header, calibration_of, sites_of
 
 
 class GloveRecording:
@@ -45,13 +46,15 @@ class GloveRecording:
         :return: what takes rows from now on.
         :raises InputError: the journal cannot be written.
         """
+        calibration = calibration_of(configuration)
         header: dict[str, Any] = {
             **provenance(),
             "title": "a glove driven by a program",
             "seed": seed,
             "realtime": devices.realtime,
             "configuration": configuration.model_dump(mode="json"),
-            "sites": sites_of_joints(),
+            "sites": sites_of_joints(sites_of(calibration)),
+            **calibration_header(calibration),
             "brakes": [] if devices.brakes is None else list(devices.brakes.channels),
             "default_plot": {"stream": "ticks", "signal": "rise_k" if devices.brakes is None else "force_n"},
         }

@@ -21,7 +21,7 @@ from haptics.link.messages import BRAKE_CHANNELS, COIL_CHANNELS
 from haptics.recording import Journal, StreamSpec
 from haptics.scene.geometry.pose import Pose
 from haptics.scene.hands.frame import HandFrame
-from haptics.scene.sites import SITES, nominal_sites
+from haptics.scene.sites import SITES, SiteMap
 from haptics.time import NS_PER_MS, NS_PER_S
 from haptics.version import __version__
 
@@ -157,12 +157,12 @@ def provenance() -> dict[str, Any]:
     }
 
 
-def sites_of_joints() -> dict[str, Any]:
+def sites_of_joints(sites: SiteMap) -> dict[str, Any]:
     """Where the tactors sit on the joints, so that a recording can be drawn without this program.
 
+    :param sites: of the hand that wears the glove.
     :return: ``names`` of the sites, and ``weights``, ``offset_joint`` and ``offset_m`` of ``haptics.scene.sites.SiteMap``.
     """
-    sites = nominal_sites()
     parts = (sites.weights, sites.offset_joint, sites.offset_m)
     return {"names": list(SITES), **{k: v.tolist() for k, v in zip(("weights", "offset_joint", "offset_m"), parts, strict=True)}}
 

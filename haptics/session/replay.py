@@ -17,6 +17,7 @@ from haptics.scene.hands.shown import shown
 from haptics.session.configuration import check_configuration
 from haptics.session.recorder import LINK_STREAMS
 from haptics.session.run import RunOptions, run_scene
+from haptics.session.whose_hand import recorded_calibration
 from haptics.time import NS_PER_S
 
 _WIRE = next(spec for spec in LINK_STREAMS if spec.name == "wire")
@@ -82,6 +83,7 @@ def replay_recording(path: str | Path) -> Replay:
         port_brake=header["ports"]["brake"],
         latency_s=header["latency_s"],
         seed=header["seed"],
+        calibration=recorded_calibration(path, header),
         **{name: header[name] for name in ("levels", "tolerance_jnd", "budget_s_per_s") if name in header},
     )
     configuration = check_configuration(header["configuration"], f"configuration in {path}")

@@ -14,13 +14,14 @@ from haptics.devices.pace import COMMAND_LEAD_NS
 from haptics.fidelity import Plan
 from haptics.judging.felt import track_truths
 from haptics.judging.onset import AFTER_START_NS, BEFORE_END_NS, Onsets, Touched, held_acts, onset_statistics, touches_on
+from haptics.scene.calibration.hand_calibration import HandCalibration
 from haptics.scene.effects import ContactEffect
 from haptics.scene.hands.frame import HandFrame
 from haptics.scene.hands.motion import Motion
-from haptics.scene.hands.recording import HandRecording
+from haptics.scene.hands.recording import HandRecording, HandTrack
 from haptics.scene.placement import closing_strokes
 from haptics.scene.scene import Scene
-from haptics.scene.sites import SITE, SITES, nominal_sites
+from haptics.scene.sites import SITE, SITES
 from haptics.session.felt_share import LARGEST_FAILED_SHARE, FeltShare, coarse_note, fault_of, felt_share
 from haptics.session.session import Session
 from haptics.time import NS_PER_MS, NS_PER_S
@@ -71,6 +72,7 @@ def build_report(
             "frames": recording.frame_count,
             "duration_s": recording.duration_s,
             "side": side,
+            **({} if session.calibration is None else {"calibration": session.calibration.name}),
             "poses": len(frames) + len(motion.refused),
             "refused": len(motion.refused) + events["pose_refused"],
         },
@@ -109,7 +111,7 @@ def _felt(session: Session, played: int, denied: Mapping[str, int]) -> list[Felt
 
 def _onset(session: Session, frames: Sequence[HandFrame], latency_ns: int, start_ns: int, tick_ns: int) -> dict[str, Any]:
     """Onset error of touches in contact mode and of grasps; all times from the start of the hand's motion."""
-    scene, sites = session.scene, nominal_sites()
+    scene, sites = session.scene, session.loop.sites
     objects = _contact_objects(scene)
     measured = Onsets()
     truths = track_truths(scene, sites, frames, tuple(objects))
@@ -215,8 +217,16 @@ def _notes(scene: Scene, recording: HandRecording, side: str, session: Session) 
     if recording.dropped:
         notes.append("left out while reading: " + ", ".join(f"{count} {what}" for what, count in recording.dropped.items()))
     notes += session.devices.notes
+    if session.calibration is not None:
+        notes += _of_calibration(session.calibration, tracks)
     notes += [note for name, link in session.devices.links.items() if (note := coarse_note(name, link)) is not None]
     withdrawn = sum(event.kind == "grasp_withdrawn" for event in session.events)
     if withdrawn:
         notes.append(f"brakes closed ahead of {withdrawn} grasps that did not come, and opened again")
     return notes
+
+
+def _of_calibration(calibration: HandCalibration, tracks: Sequence[HandTrack]) -> list[str]:
+    other = calibration.other_hand(np.concatenate([track.position_m for track in tracks])) if tracks else None
+    said = [f"calibration {calibration.name!r}: {note}" for note in calibration.notes]
+    return said if other is None else [*said, other]

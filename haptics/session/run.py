@@ -18,6 +18,7 @@ from haptics.recording.ending import finish, keep
 from haptics.recording.leftovers import journal_of, refuse_leftover
 from haptics.recording.output import check_folder, check_outputs
 from haptics.scene import load_scene
+from haptics.scene.calibration.hand_calibration import HandCalibration
 from haptics.scene.hand_files.load import load_hand
 from haptics.scene.hands.frame import HandFrame
 from haptics.scene.hands.motion import judge_motion
@@ -29,6 +30,7 @@ from haptics.session.devices import Devices
 from haptics.session.recorder import Recorder, provenance, sites_of_joints
 from haptics.session.report import build_report
 from haptics.session.session import Session
+from haptics.session.whose_hand import calibration_header, calibration_of, sites_of
 from haptics.time import NS_PER_MS, NS_PER_S, seconds_to_ns
 from haptics.units import in_range
 
@@ -57,6 +59,7 @@ class RunOptions:
     :param levels: of the models, by name, where not the plan's own choice (``fidelity.plan_scene``).
     :param tolerance_jnd: error that the plan may make, in just noticeable differences.
     :param budget_s_per_s: computing time that the plan may take, s per second of the run.
+    :param calibration: of the hand, instead of the one that the configuration names; a nominal hand if neither does.
     :param watch: called with the session when it has ended.
     """
 
@@ -75,6 +78,7 @@ class RunOptions:
     levels: dict[str, str] = field(default_factory=dict)
     tolerance_jnd: float = DEFAULT_TOLERANCE_JND
     budget_s_per_s: float = DEFAULT_BUDGET
+    calibration: HandCalibration | None = None
     watch: Callable[[Session], None] | None = None
 
 
@@ -97,6 +101,8 @@ def run_scene(scene_name: str, hand_source: str, configuration: Configuration, o
     if options.side is not None:
         configuration = configuration.model_copy(update={"side": options.side})
     recording, side, frames = motion.recording, motion.side, motion.frames
+    calibration = calibration_of(configuration, options.calibration, side)
+    options = replace(options, calibration=calibration)
     placed = scene.placed_for(recording, side)
     if placed.slow_notice is not None:
         print(f"note: {placed.slow_notice}", file=sys.stderr, flush=True)
@@ -121,7 +127,8 @@ def run_scene(scene_name: str, hand_source: str, configuration: Configuration, o
         "ports": {"tactiles": options.port_tactiles, "brake": options.port_brake},
         "plan": asdict(plan),
         "title": f"{scene.name} with {recording.source}",
-        "sites": sites_of_joints(),
+        "sites": sites_of_joints(sites_of(calibration)),
+        **calibration_header(calibration),
         "brakes": list(glove_brakes),
         "motion": {"source": recording.source, "frame_count": recording.frame_count, "duration_s": recording.duration_s},
         "default_plot": {"stream": "ticks", "signal": "force_n" if plan.builds("brake") else "rise_k"},
@@ -207,7 +214,7 @@ def _play(
     options: RunOptions,
 ) -> tuple[Session, int, int, int | None]:
     tick_ns = NS_PER_S // configuration.tick_hz
-    session = Session(scene, glove, configuration, recorder, kept=None)
+    session = Session(scene, glove, configuration, recorder, kept=None, calibration=options.calibration)
     gc.collect()
     gc.freeze()
     glove.arm()

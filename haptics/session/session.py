@@ -23,6 +23,7 @@ from haptics.rendering.events import LoopEvent
 from haptics.rendering.loop import Leads, RenderLoop
 from haptics.rendering.resuming import RESUMES, Resume
 from haptics.rendering.world import World
+from haptics.scene.calibration.hand_calibration import HandCalibration
 from haptics.scene.geometry.pose import Pose
 from haptics.scene.hands.check import ill_formed
 from haptics.scene.hands.frame import HandFrame
@@ -30,7 +31,7 @@ from haptics.scene.hands.joints import SIDES
 from haptics.scene.live_placement import LivePlacement
 from haptics.scene.objects import SceneObject
 from haptics.scene.scene import Scene
-from haptics.scene.sites import SITES, nominal_sites
+from haptics.scene.sites import SITES
 from haptics.session.configuration import Configuration
 from haptics.session.devices import Devices
 from haptics.session.glove import Glove
@@ -39,6 +40,7 @@ from haptics.session.peer_clock import PeerClock
 from haptics.session.plant_truth import PlantTruth
 from haptics.session.recorder import Recorder
 from haptics.session.sampler import KEPT, Sampler
+from haptics.session.whose_hand import calibration_of, sites_of
 from haptics.time import LATEST_NS, NS_PER_S
 from haptics.units import a_callable, an_instance, known_arguments, one_of, whole_number
 
@@ -85,9 +87,12 @@ class Session:
         it, for a session of known length. :meth:`subscribe` and a recording get all of them in any case.
     :param resume: when poses come again after they had stopped: ``apart``: nothing is felt until the hand touches nothing;
         ``gentle``: after a quarter of a second it goes on where it is, brakes rising slowly over a second.
+    :param calibration: of the hand that wears the glove, which is the only one followed then; if None, the one that the
+        configuration names, or a nominal hand.
     :param world: see ``haptics.rendering.world``; of the session of the other hand, to share its objects.
     :raises InputError: something else in place of these, here or in a call; a scene with brakes that the glove does not have.
 
+    :ivar calibration: of the hand that wears the glove, or None: a nominal hand.
     :ivar results: what became of the last touches and pulses that the scene asked for.
     :ivar brake_results: what became of the last brakes and piezos, likewise.
     :ivar events: the last touches, grasps, refused poses and the like, what was wanted, and what acted or was denied, in order.
@@ -106,6 +111,7 @@ class Session:
         kept: int | None = KEPT,
         resume: Resume = "apart",
         world: World | None = None,
+        calibration: HandCalibration | None = None,
     ):
         an_instance("scene", scene, Scene, "from haptics.load_scene")
         if not isinstance(glove, Devices):
@@ -138,19 +144,21 @@ class Session:
         self.events: deque[LoopEvent] = deque(maxlen=kept)
         self._sinks: list[Callable[[Result | LoopEvent], None]] = []
         self.leads = device_leads(configuration, scene)
+        self.calibration = calibration_of(configuration, calibration)
+        side = configuration.side if self.calibration is None else self.calibration.side
         devices = self.devices
         max_v = math.inf if devices.brakes is None else devices.brakes.max_amplitude_v
         self._outcomes = Outcomes(self.leads, self._happened)
         self.loop = RenderLoop(
             scene.without_unresolved(),
-            nominal_sites(),
+            sites_of(self.calibration),
             devices.share_tactiles(SCENE),
             devices.share_brakes(SCENE),
             self.leads,
             brake_amplitude_v=min(configuration.brake.amplitude_v, max_v),
             clutch_amplitude_v=min(configuration.brake.clutch_amplitude_v, max_v),
             tick_ns=NS_PER_S // configuration.tick_hz,
-            side=None if configuration.side == "auto" else configuration.side,
+            side=None if side == "auto" else side,
             resume=resume,
             world=world,
         )

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 FOLDER = Path(__file__).parents[2] / "docs" / "how-to"
-PAGES = ("own-hand", "own-scene", "own-pattern", "board-fault", "recording-stream")
+PAGES = ("calibration", "own-hand", "own-scene", "own-pattern", "board-fault", "recording-stream")
 _FILE = re.compile(r"`([\w-]+\.toml)`")
 
 
@@ -27,6 +27,7 @@ def blocks(page: str) -> list[tuple[str, str, str]]:
 @pytest.mark.parametrize("page", PAGES)
 def test_every_block_of_a_page_works_in_the_order_of_the_page(page, haptics, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("HAPTICS_CONFIG_FOLDER", str(tmp_path))
     names: dict[str, object] = {}
     printed = ""
     for language, content, before in blocks(page):

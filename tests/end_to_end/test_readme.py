@@ -27,6 +27,7 @@ ELSEWHERE = ("characterize", "validate", "tolerance", "garment", "fidelity prove
 def run_page(page: Path, haptics, monkeypatch, folder: Path) -> list[str]:
     """Run a page's commands, but for set-up, hardware and what runs elsewhere; returns those that ran."""
     monkeypatch.chdir(folder)
+    monkeypatch.setenv("HAPTICS_CONFIG_FOLDER", str(folder))
     done = []
     for words in commands(page):
         line = shlex.join(words[1:])

@@ -191,7 +191,7 @@ def test_a_port_of_a_kind_that_is_not_opened_is_refused_in_a_file(tmp_path, part
     [
         (
             {"tactile": {}},
-            "unknown key 'tactile'; known keys: side, tracker_latency_s, tick_hz, tactiles, brake; did you mean tactiles",
+            "known keys: side, tracker_latency_s, tick_hz, hand_calibration, tactiles, brake; did you mean tactiles",
         ),
         ({"tactiles": {"rise_limit": 5}}, "unknown key 'rise_limit' in [tactiles]; known keys: port, baud, sites, rise_limit_k"),
         (

@@ -114,11 +114,22 @@ def _skeleton(time_s: Floats) -> tuple[Floats, Floats, Floats]:
         there = minimum_jerk((time_s - start_s) / (_TAP_S / 2)) - minimum_jerk((time_s - start_s) / (_TAP_S / 2) - 1.0)
         heading_deg[:, FINGERS.index(finger), :, 1] += _TAP_BEND_DEG * there[:, None]
 
+    return skeleton(heading_deg, palm_m)
+
+
+def skeleton(heading_deg: Floats, palm_m: Floats) -> tuple[Floats, Floats, Floats]:
+    """The joints of the hand that ships, from the headings of its bones.
+
+    :param heading_deg: (n, 5, 3, 2), of the three outer bones of each finger from the thumb on: degrees to the little finger's
+        side, and degrees of bend, both from the palm's axes.
+    :param palm_m: (n, 3), where the palm is, metres.
+    :return: joints (n, 26, 3), metres, and the palm's forward and dorsal directions, (n, 3) each.
+    """
     aside, bend = np.deg2rad(heading_deg[..., 0]), np.deg2rad(heading_deg[..., 1])
     heading = np.stack([np.sin(aside) * np.cos(bend), -np.sin(bend), -np.cos(aside) * np.cos(bend)], axis=-1)
     reach_mm = np.cumsum(heading * _BONE_MM[..., None], axis=2)
 
-    local_mm = np.zeros((len(time_s), 26, 3))
+    local_mm = np.zeros((len(palm_m), 26, 3))
     local_mm[:, JOINT["wrist"]] = _WRIST_MM
     for finger, name in enumerate(FINGERS):
         tip, base_mm = JOINT[f"{name}_tip"], np.array(_METACARPAL_MM[finger], float)
@@ -131,7 +142,7 @@ def _skeleton(time_s: Floats) -> tuple[Floats, Floats, Floats]:
     down = np.deg2rad(_PALM_DOWN_DEG)
     palm = np.array([[1, 0, 0], [0, np.cos(down), np.sin(down)], [0, -np.sin(down), np.cos(down)]])
     position_m = palm_m[:, None] + 1e-3 * local_mm @ palm.T
-    shape = (len(time_s), 3)
+    shape = (len(palm_m), 3)
     return position_m, np.broadcast_to(-palm[:, 2], shape), np.broadcast_to(palm[:, 1], shape)
 
 
