@@ -55,8 +55,10 @@ if TYPE_CHECKING:
     from haptics.scene.hands.joints import JOINTS as JOINTS, SIDES as SIDES, Side as Side
     from haptics.scene.hands.recording import HandRecording as HandRecording
     from haptics.scene.library import load_scene as load_scene, shipped_scenes as shipped_scenes
+    from haptics.scene.objects import SceneObject as SceneObject
     from haptics.scene.scene import Scene as Scene
     from haptics.scene.sites import SITES as SITES
+    from haptics.session.both_hands import BothHands as BothHands
     from haptics.session.configuration import Configuration as Configuration, load_configuration as load_configuration
     from haptics.session.glove import Glove as Glove, open as open
     from haptics.session.glove_state import (
@@ -64,6 +66,7 @@ if TYPE_CHECKING:
         GloveState as GloveState,
         GloveTelemetry as GloveTelemetry,
     )
+    from haptics.session.live import live as live
     from haptics.session.peer_clock import PeerClock as PeerClock
     from haptics.session.plant_truth import PlantTruth as PlantTruth
     from haptics.session.session import Session as Session
@@ -109,11 +112,14 @@ _ROOMS = {
     "haptics.scene.hands.joints": ("JOINTS", "SIDES", "Side"),
     "haptics.scene.hands.recording": ("HandRecording",),
     "haptics.scene.library": ("load_scene", "shipped_scenes"),
+    "haptics.scene.objects": ("SceneObject",),
     "haptics.scene.scene": ("Scene",),
     "haptics.scene.sites": ("SITES",),
+    "haptics.session.both_hands": ("BothHands",),
     "haptics.session.configuration": ("Configuration", "load_configuration"),
     "haptics.session.glove": ("Glove", "open"),
     "haptics.session.glove_state": ("GloveIdentity", "GloveState", "GloveTelemetry"),
+    "haptics.session.live": ("live",),
     "haptics.session.peer_clock": ("PeerClock",),
     "haptics.session.plant_truth": ("PlantTruth",),
     "haptics.session.session": ("Session",),

@@ -19,7 +19,7 @@ from haptics.errors import InputError
 from haptics.link.connection import Link
 from haptics.physics.latch.pulse import PULSE_BACK_S, PULSE_TOWARD_S, TRAIN_BACK_S, TRAIN_TOWARD_S
 from haptics.scheduling import CoilLimits, CoilPulse, Outcome, Priority, Request, Scheduler, Stroke, ThermalBudget
-from haptics.time import NS_PER_MS, seconds_to_ns
+from haptics.time import NS_PER_MS, NS_PER_S, seconds_to_ns
 from haptics.units import nearest
 
 _KINDS: dict[Priority, ResultKind] = {
@@ -35,6 +35,8 @@ RELEASE_AGAIN_NS = {"hot": 250 * NS_PER_MS}
 """A release is asked for again for these reasons too, after this long: a pin is not left out."""
 PASSING = ("current", "late", "clock", "unknown", "company", "full")
 """What was denied for one of these may be asked for again at once."""
+RATE_KEPT_NS = 2 * NS_PER_S
+"""Two pulses farther apart than this, or longer ago, are no rate."""
 MAX_CYCLES = 10
 """Of a burst: 50 ms (thesis 3.5.2)."""
 _STROKES_OF_PINS = (Priority.CONTACT, Priority.RELEASE)
@@ -70,6 +72,9 @@ class TactilesDriver:
         self._pins = [Pin() for _ in self.sites]
         self._askers = ["" for _ in self.sites]  # who asked last where each pin is to be
         self._armed = False
+        pulse_s = PULSE_TOWARD_S + PULSE_BACK_S
+        self._pulse_j = [power_w * pulse_s for power_w in limits.power_w(len(self.sites))]
+        self._last_pulses = [(0, 0) for _ in self.sites]  # starts of the last two that played, ns
         self._spacing = TickSpacing()
         self._now_ns = 0
         self._again: dict[int, int] = {}
@@ -318,6 +323,19 @@ class TactilesDriver:
         """
         self._channel_of(site)
 
+    def pulses_left(self, now_ns: int) -> list[int | None]:
+        """How many more pulses the coils take at the present rate: that of the last two, while they are less than 2 s old.
+
+        :param now_ns: ns on the link's clock.
+        :return: by channel, a lower bound; at once where there is no rate; None where it can go on for ever.
+        """
+        left: list[int | None] = []
+        for channel, (before_ns, last_ns) in enumerate(self._last_pulses):
+            recent = last_ns - before_ns > 0 and now_ns - last_ns < RATE_KEPT_NS and last_ns - before_ns < RATE_KEPT_NS
+            spacing_s = (last_ns - before_ns) / NS_PER_S if recent else None
+            left.append(self._scheduler.pulses_left(channel, self._pulse_j[channel], spacing_s, now_ns))
+        return left
+
     def _play_later(self, pulses: list[tuple[int, str, int, str]]) -> None:
         self._later += pulses
         self._later.sort()
@@ -412,6 +430,8 @@ class TactilesDriver:
         elif last is not None:
             self._settle_pulse(request.channel, *last)
         kind, why = _KINDS[request.priority], cast(Reason | None, reason)
+        if played and request.priority is Priority.PULSE and outcome.start_ns is not None:
+            self._last_pulses[request.channel] = (self._last_pulses[request.channel][1], outcome.start_ns)
         retry_ns = None if why is None else self._retry_ns(request, why)
         site, asked_ns = self.sites[request.channel], request.submitted_ns
         self._results.append(Result(site, kind, played, why, asked_ns, outcome.start_ns, owner, retry_ns))

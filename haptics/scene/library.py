@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from importlib import resources
 from os import PathLike
 
@@ -38,7 +39,8 @@ def load_scene(source: str | PathLike[str]) -> Scene:
                 f"scene = {source!r} does not ship; expected one of {', '.join(names)}, or the path of a {_SUFFIX} file"
                 f"{nearest(source, names)}"
             )
-        return read_scene((_SHIPPED / f"{source}{_SUFFIX}").read_text("utf-8"), source, f"{source}{_SUFFIX}")
+        scene = read_scene((_SHIPPED / f"{source}{_SUFFIX}").read_text("utf-8"), source, f"{source}{_SUFFIX}")
+        return replace(scene, origin=source)
     try:
         text = path.read_text("utf-8")
     except (OSError, ValueError) as error:
@@ -47,7 +49,7 @@ def load_scene(source: str | PathLike[str]) -> Scene:
         raise InputError(
             f"scene = {str(path)!r} cannot be read: {why}; expected a {_SUFFIX} file, or a scene that ships: {shipped}"
         ) from error
-    return read_scene(text, path.stem, str(path), path.parent)
+    return replace(read_scene(text, path.stem, str(path), path.parent), origin=str(path.absolute()))
 
 
 def _shipped_names() -> list[str]:

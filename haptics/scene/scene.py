@@ -91,6 +91,12 @@ class SceneNeeds:
     shapes: tuple[str, ...] = ()
 
     @property
+    def boards(self) -> tuple[str, ...]:
+        """The boards that it has a use for: ``tactiles``, ``brake``."""
+        brake = bool(self.brakes or self.piezos or self.clutches)
+        return tuple(name for name, use in (("tactiles", self.tactiles), ("brake", brake)) if use)
+
+    @property
     def tactiles(self) -> bool:
         """Whether the array of tactors is used at all."""
         return bool(self.pins or self.pulses)
@@ -109,6 +115,7 @@ class Scene:
     :param summary: what it is, for people.
     :param source: where it comes from, such as a thesis section.
     :param absent: objects left out when the scene was placed, each with the reason.
+    :param origin: the shipped name or the file that it was loaded from; empty for one that a program made.
     :raises InputError: two objects of one name, a rule about something that is not there, or an unknown grasp rule.
     """
 
@@ -121,6 +128,7 @@ class Scene:
     summary: str = ""
     source: str = ""
     absent: tuple[tuple[str, str], ...] = field(default=())
+    origin: str = field(default="", compare=False)
 
     def __post_init__(self) -> None:
         one_of("grasp_rule", self.grasp_rule, RULES)

@@ -18,6 +18,8 @@ import math
 from collections.abc import Iterator, Sequence
 
 from haptics.errors import InputError
+from haptics.physics.thermal.one_node import pulse_rise_k
+from haptics.physics.thermal.trains import allowed_now, first_denied_index
 from haptics.scheduling.limits import CoilLimits
 from haptics.scheduling.requests import CHANNELS, LONGEST_STROKE_S, CoilPulse, Outcome, Priority, Request
 from haptics.scheduling.supply_current import NA_PER_A, SupplyCurrent
@@ -191,6 +193,24 @@ class Scheduler:
         :return: kelvin, one value a coil, 0 where it is used up.
         """
         return [budget.headroom_k(max(now_ns, budget.latest_ns)) for budget in self.budgets]
+
+    def pulses_left(self, channel: int, energy_j: float, spacing_s: float | None, now_ns: int) -> int | None:
+        """Pulses that a coil still takes, each leaving room for a release after it.
+
+        :param channel: actuator index from 0.
+        :param energy_j: of one pulse (J).
+        :param spacing_s: from pulse to pulse (s); None: all at once.
+        :param now_ns: the time now (ns).
+        :return: how many; None if there is no end.
+        """
+        budget = self.budgets[channel]
+        reserve_k = pulse_rise_k(self._reserve_j[channel], budget.parameters)
+        jump_k = pulse_rise_k(energy_j, budget.parameters)
+        rise_k = budget.rise_k(max(now_ns, budget.latest_ns))
+        limit_k = max(budget.limit_k - reserve_k, 0.0)
+        if spacing_s is None or rise_k + jump_k > limit_k:
+            return allowed_now(rise_k, jump_k, limit_k)
+        return first_denied_index(jump_k, spacing_s, limit_k, rise_k, budget.parameters)
 
     def wait_s(self, request: Request, now_ns: int) -> float:
         """How long a request has to wait for its coil to be cool enough, if nothing else is asked of it.

@@ -38,6 +38,7 @@ def open_planned(
     realtime: bool = False,
     seed: int = 1,
     wire_tap: WireTap | None = None,
+    every_board: bool = False,
 ) -> Devices:
     """The devices that a plan builds, and no others.
 
@@ -47,10 +48,15 @@ def open_planned(
     :param realtime: on the machine's clock rather than in virtual time.
     :param seed: of the simulated boards, 0 to 2**32 - 1.
     :param wire_tap: see ``Devices``.
+    :param every_board: both boards all the same, whole: another scene may come.
     :return: open and not armed.
     :raises InputError: more outputs asked for than a board has.
     :raises LinkError: a port or board that cannot be used.
     """
+    if every_board:
+        levels: dict[str, dict[str, object]] = {name: {"level": level} for name, level in plan.levels.items()}
+        outputs = with_outputs(configuration.brake, scene)
+        return Devices(configuration.tactiles, outputs, realtime=realtime, seed=seed, simulate=levels, wire_tap=wire_tap)
     tactiles = configuration.tactiles if plan.builds("tactiles") else None
     brake = with_outputs(configuration.brake, scene) if plan.builds("brake") or plan.builds("piezo") else None
     simulate = _simulated(plan, tactiles, brake)

@@ -7,7 +7,7 @@ time its owner's loop serves links and drivers (a ``haptics.Glove`` has a thread
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from typing import Any
 
 from haptics.devices import (
@@ -37,7 +37,7 @@ from haptics.link.simulated import SimulatedPort, simulated
 from haptics.scheduling import CoilLimits, ThermalBudget
 from haptics.session import heat
 from haptics.session.configuration import COUNTED_COIL_A, BrakeConfiguration, TactilesConfiguration
-from haptics.session.switching import Kind, Procedure, arming, clearing, going_off
+from haptics.session.switching import Kind, Procedure, Steps, Switched, arming, clearing, going_off, retiring
 from haptics.time import LATEST_NS, NS_PER_MS, NS_PER_S, MonotonicClock, VirtualClock, seconds_to_ns
 from haptics.units import a_callable, an_instance, one_of, truth, whole_number
 
@@ -48,6 +48,7 @@ HELD_V = 20
 """Volts that a board measures at an output count as held from here on: below it is its converter's noise."""
 HANDOVER_S = 100e-6
 """Pause between two pulses that share a coil or its share of the current: more than a clock estimate moves between them."""
+_STEPS: dict[Kind, Callable[[Switched], Steps]] = {"arm": arming, "off": going_off, "clear": clearing, "retire": retiring}
 WireTap = Callable[[str, int, bool, bytes], None]
 
 
@@ -80,6 +81,7 @@ class Devices:
     :ivar links: by board, ``tactiles`` and ``brake``.
     :ivar faults: what went wrong since opening, in words, each once; a history, not what holds now.
     :ivar notes: what a person should know besides: limits that a board holds tighter than configured, coils that start warm.
+    :ivar needed: boards that arming arms; all of them, unless :meth:`need` was called.
     :ivar latched: by board, the faults that are latched, as it reported last.
     :ivar telemetry: each board's last message since it was armed.
     :ivar tactiles: driver of the array, or None without one.
@@ -114,6 +116,7 @@ class Devices:
         self._permitted: set[str] = set()  # boards whose drivers may ask for energy
         self._procedures: list[Procedure] = []
         self.latched: dict[str, tuple[str, ...]] = {}
+        self.needed: frozenset[str] = frozenset(_PARTS)
         self._heard: set[str] = set()  # boards that have told how they were found
         self.times_armed = 0
         simulate = _checked_keys({} if simulate is None else simulate)
@@ -450,7 +453,7 @@ class Devices:
 
         Going off waits for nothing: what was begun and not finished is given up.
 
-        :param kind: ``arm``, ``off`` or ``clear``.
+        :param kind: ``arm``, ``off``, ``clear`` or ``retire``.
         :return: the procedure: the one under way, where that is of this kind.
         """
         under_way = self._procedures[-1] if self._procedures else None
@@ -460,7 +463,7 @@ class Devices:
             for procedure in self._procedures:
                 procedure.cancel(f"{procedure.kind} was given up, as the glove was to go off")
             self._procedures.clear()
-        steps = {"arm": arming, "off": going_off, "clear": clearing}[kind](self)
+        steps = _STEPS[kind](self)
         procedure = Procedure(kind, steps)
         self._procedures.append(procedure)
         if len(self._procedures) == 1:
@@ -525,6 +528,18 @@ class Devices:
         """
         self.finish(self.begin("clear"))
 
+    def need(self, names: Collection[str]) -> None:
+        """Say which boards are of use from now on: arming arms no others, and one that is armed and of no use any more goes off.
+
+        :param names: ``tactiles``, ``brake``.
+        :raises InputError: another name.
+        """
+        for name in names:
+            one_of("name", name, tuple(_PARTS))
+        self.needed = frozenset(names)
+        if self._permitted - self.needed:
+            self.begin("retire")
+
     # What the procedures are made of
 
     def drop_wishes(self) -> None:
@@ -545,14 +560,30 @@ class Devices:
         return pendings
 
     def permit(self) -> None:
-        """Every board is armed: the drivers may ask for energy."""
+        """Every board that is needed is armed: their drivers may ask for energy."""
         self._wanted_armed = True
         self.times_armed += 1
-        self._permitted.update(self.links)
-        if self.tactiles is not None:
+        self._permitted.update(self.to_arm())
+        if self.tactiles is not None and "tactiles" in self._permitted:
             self._take_over_heat(self.tactiles)
-        self._set_tactiles(True)
-        self._set_brakes(True)
+            self._set_tactiles(True)
+        if "brake" in self._permitted:
+            self._set_brakes(True)
+
+    def to_arm(self) -> dict[str, Link]:
+        """What arming arms.
+
+        :return: links by board's name.
+        """
+        return {name: link for name, link in self.links.items() if name in self.needed}
+
+    def retire(self, name: str) -> None:
+        """A board is of no use any more, and is stopped.
+
+        :param name: of the board; what it held was let go of.
+        """
+        self.links[name].stop(self.now_ns())
+        self._forbid(name)
 
     def permits(self, name: str) -> bool:
         """Whether a board's driver may ask for energy.

@@ -58,7 +58,7 @@ class GloveRecording:
             "brakes": [] if devices.brakes is None else list(devices.brakes.channels),
             "default_plot": {"stream": "ticks", "signal": "rise_k" if devices.brakes is None else "force_n"},
         }
-        recorder = self._recorder = Recorder(self._journal, header, self._force, by_hand=True)
+        recorder = self._recorder = Recorder(self._journal, header, self._force, by_hand=True, live=True)
         self.wire.attach(recorder)
         devices.on_event(recorder.link_event)
         devices.on_result(recorder.result)

@@ -19,6 +19,7 @@ from haptics.link.readings import (
 )
 from haptics.session.configuration import BrakeConfiguration
 from haptics.session.devices import Devices
+from haptics.session.switching import Kind
 from haptics.time import NS_PER_S
 
 STALE_S = 0.1
@@ -33,6 +34,8 @@ class GloveState:
     :param rise_k: upper bound of each coil's temperature rise, K: a tactor without calibration is booked as the warmest within
         tolerance (``docs/explanation/heat.md``).
     :param headroom_k: lower bound of the room under its limit, K.
+    :param pulses_left: pulses that each coil still takes at the present rate, that of its last two, or at once where it has none;
+        None where it can go on for ever.
     :param pins_out: sites whose pin is out, or may be, by what the board acknowledged.
     :param volts: at each output as the brake controller measured it, V: the amplitude, or less for the moment in which the square
         wave turns over. None where that is older than ``STALE_S``, or never came.
@@ -41,6 +44,8 @@ class GloveState:
     :param force_sd_n: standard deviation of that by the fit of the law, N; 0 for a calibrated brake.
     :param capacitance_pf: as the brake controller measured it, pF; None likewise.
     :param armed: boards that reported to be armed, and nothing else since.
+    :param doing: what is under way: ``arm``, ``off``, ``clear`` or ``retire``; None: nothing.
+    :param latched: by board, faults that are latched, as it reported last; arming is refused while there are any.
     :param faults: what went wrong since the glove was opened, in words; a history.
     :param telemetry_age_s: age of each board's last telemetry, s; None if none came.
     :param stale: boards whose telemetry is too old.
@@ -50,12 +55,15 @@ class GloveState:
     time_ns: int
     rise_k: Mapping[str, float]
     headroom_k: Mapping[str, float]
+    pulses_left: Mapping[str, int | None]
     pins_out: tuple[str, ...]
     volts: Mapping[str, float | None]
     force_n: Mapping[str, float | None]
     force_sd_n: Mapping[str, float | None]
     capacitance_pf: Mapping[str, int | None]
     armed: tuple[str, ...]
+    doing: Kind | None
+    latched: Mapping[str, tuple[str, ...]]
     faults: tuple[str, ...]
     telemetry_age_s: Mapping[str, float | None]
     stale: tuple[str, ...]
@@ -118,12 +126,15 @@ def glove_state(
         time_ns=now_ns,
         rise_k={} if array is None else dict(zip(array.sites, array.rises_k(now_ns), strict=True)),
         headroom_k={} if array is None else dict(zip(array.sites, array.headrooms_k(now_ns), strict=True)),
+        pulses_left={} if array is None else dict(zip(array.sites, array.pulses_left(now_ns), strict=True)),
         pins_out=() if array is None else tuple(s for s, out in zip(array.sites, array.pins_out(), strict=True) if out),
         volts=volts,
         force_n={name: by_law(name, law.force_n) for name, (law, _) in laws.items()},
         force_sd_n={name: by_law(name, law.force_sd_n) for name, (law, _) in laws.items()},
         capacitance_pf={name: None if measured is None else measured.capacitance[i] for i, name in enumerate(names)},
         armed=tuple(name for name, link in devices.links.items() if link.armed),
+        doing=devices.doing,
+        latched={name: faults for name, faults in devices.latched.items() if faults},
         faults=(*devices.faults, *more_faults),
         telemetry_age_s=age_s,
         stale=stale,

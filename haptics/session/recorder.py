@@ -5,6 +5,7 @@ The journal does the writing; this file defines what a row means. Host times are
 
 from __future__ import annotations
 
+import json
 import os
 import platform
 import subprocess
@@ -140,6 +141,18 @@ HAND_STREAMS = (
     ),
 )
 """What a glove driven by hand has besides: what became of its calls for brakes."""
+LIVE_STREAMS = (
+    _spec("loop", [], {}, "When the loop was ticked; with poses and calls, all that its decisions follow from."),
+    _spec(
+        "calls",
+        [("call", "S16"), ("name", "S200"), ("position_m", "f8", (3,)), ("orientation_xyzw", "f8", (4,))],
+        {"position_m": "m"},
+        "Calls of a session that change what it renders, with the object, side or scene that they name.",
+    ),
+)
+"""What a session in real time has besides, so that it can be had again in virtual time."""
+SESSION_BLOB = "session"
+"""The attachment of a session begins with this: what it was begun with."""
 
 
 def provenance() -> dict[str, Any]:
@@ -252,11 +265,45 @@ class Recorder(LinkRecorder):
     :param header: see ``LinkRecorder``.
     :param force: see ``LinkRecorder``.
     :param by_hand: with a stream of what became of calls for brakes.
+    :param live: with what a session in real time needs to be replayed.
     :raises InputError: the journal's path is taken or cannot be written.
     """
 
-    def __init__(self, path: str | os.PathLike[str], header: Mapping[str, Any], force: bool, *, by_hand: bool = False):
-        super().__init__(path, header, force, (*RUN_STREAMS, *(HAND_STREAMS if by_hand else ())))
+    def __init__(
+        self, path: str | os.PathLike[str], header: Mapping[str, Any], force: bool, *, by_hand: bool = False, live: bool = False
+    ):
+        more = (*(HAND_STREAMS if by_hand else ()), *(LIVE_STREAMS if live else ()))
+        super().__init__(path, header, force, (*RUN_STREAMS, *more))
+        self.live, self._sessions = live, 0
+
+    def session(self, begun: Mapping[str, Any]) -> None:
+        """A session begins.
+
+        :param begun: with what; plain data.
+        """
+        if self.live:
+            self._sessions += 1
+            self.journal.blob(f"{SESSION_BLOB}-{self._sessions}.json", json.dumps(begun).encode())
+
+    def looped(self, now_ns: int) -> None:
+        """The loop was ticked.
+
+        :param now_ns: when, ns.
+        """
+        if self.live:
+            self.streams["loop"].append((now_ns,))
+
+    def call(self, now_ns: int, call: str, name: str = "", pose: Pose | None = None) -> None:
+        """A call changed what a session renders.
+
+        :param now_ns: when, ns.
+        :param call: its name.
+        :param name: of the object, side or scene that it is about.
+        :param pose: in the world, of ``move_object``.
+        """
+        if self.live:
+            pose = pose or Pose()
+            self.streams["calls"].append((now_ns, call, name, pose.position_m, pose.orientation_xyzw))
 
     def pose(self, now_ns: int, frame: HandFrame, accepted: bool) -> None:
         """A pose arrived.
@@ -276,16 +323,6 @@ class Recorder(LinkRecorder):
                 frame.orientation_xyzw,
             )
         )
-
-    def moved(self, now_ns: int, name: str, pose: Pose) -> None:
-        """The engine put an object somewhere.
-
-        :param now_ns: when, ns.
-        :param name: the object's.
-        :param pose: in the world.
-        """
-        if "objects" in self.streams:
-            self.streams["objects"].append((now_ns, name, pose.position_m, pose.orientation_xyzw))
 
     def tick(self, now_ns: int, rise_k: Any, pin_out: Any, volts: Any, force_n: Any, piezo: Any) -> None:
         """The devices now.

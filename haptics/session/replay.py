@@ -1,4 +1,4 @@
-"""Play a recording's poses through its scene again, and hold what goes over the wire against what went then."""
+"""Play a recording's poses through its scene again, and hold what goes over the wire, or what is decided, against what was."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from haptics.scene.hands.motion import refusals
 from haptics.scene.hands.shown import shown
 from haptics.session.configuration import check_configuration
 from haptics.session.recorder import LINK_STREAMS
+from haptics.session.replay_live import LiveReplay, replay_live
 from haptics.session.run import RunOptions, run_scene
 from haptics.session.whose_hand import recorded_calibration
 from haptics.time import NS_PER_S
@@ -59,25 +60,23 @@ class Replay:
     first_difference_ns: int | None
 
 
-def replay_recording(path: str | Path) -> Replay:
-    """Replay in virtual time, with the recorded scene, configuration, seed and latency.
+def replay_recording(path: str | Path) -> Replay | LiveReplay:
+    """Replay in virtual time: a run with its scene, configuration, seed and latency; a session with all that came in.
 
-    :param path: of a recording that a run made in virtual time.
-    :return: how the two compare.
-    :raises InputError: not a recording of a run, or one made in real time, whose times cannot be had again.
+    :param path: of a recording of a run, or of a session on a glove.
+    :return: how the two compare: by bytes where the first was in virtual time, too, else by decisions.
+    :raises InputError: not a recording of a run or a session, or its scene cannot be had again.
     """
     path = Path(path)
     recording = load(path)
     header = recording.header
+    if "loop" in recording:
+        return replay_live(path, recording)
     if "scene_source" not in header or "wire" not in recording:
         raise InputError(f"{path} cannot be replayed: it is no recording of `haptics run`; haptics recording view shows it")
     if recording.streams["wire"].dtype != _WIRE.dtype:
         raise InputError(f"{path} cannot be replayed: its stream wire has other fields than `haptics run` records")
     _check_header(path, header)
-    if header["realtime"]:
-        raise InputError(
-            f"{path} cannot be replayed to the byte: it was made in real time, and only virtual time can be had again"
-        )
     options = RunOptions(
         port_tactiles=header["ports"]["tactiles"],
         port_brake=header["ports"]["brake"],

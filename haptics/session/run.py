@@ -141,7 +141,7 @@ def run_scene(scene_name: str, hand_source: str, configuration: Configuration, o
         try:
             try:
                 if options.record:
-                    recorder = Recorder(journal_of(out), header, options.force)
+                    recorder = Recorder(journal_of(out), header, options.force, live=options.realtime)
                     tap.attach(recorder)
                 played = _play(glove, placed, configuration, recorder, frames, recording, latency_s, options)
             except BaseException:

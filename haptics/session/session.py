@@ -15,6 +15,7 @@ from haptics.devices import Refusal, Result
 from haptics.devices.pace import COMMAND_LEAD_NS
 from haptics.devices.sharing import SCENE
 from haptics.errors import InputError
+from haptics.fidelity import Plan, plan_scene
 from haptics.physics.brake.charging import rise_time_s
 from haptics.physics.brake.contact import CONTACT
 from haptics.physics.brake.parameters import BRAKE, capacitance_f
@@ -30,6 +31,7 @@ from haptics.scene.hands.frame import HandFrame
 from haptics.scene.hands.joints import SIDES
 from haptics.scene.live_placement import LivePlacement
 from haptics.scene.objects import SceneObject
+from haptics.scene.placed_table import placed_table
 from haptics.scene.scene import Scene
 from haptics.scene.sites import SITES
 from haptics.session.configuration import Configuration
@@ -40,9 +42,9 @@ from haptics.session.peer_clock import PeerClock
 from haptics.session.plant_truth import PlantTruth
 from haptics.session.recorder import Recorder
 from haptics.session.sampler import KEPT, Sampler
-from haptics.session.whose_hand import calibration_of, sites_of
+from haptics.session.whose_hand import calibration_header, calibration_of, sites_of
 from haptics.time import LATEST_NS, NS_PER_S
-from haptics.units import a_callable, an_instance, known_arguments, one_of, whole_number
+from haptics.units import a_callable, an_instance, known_arguments, one_of, truth, whole_number
 
 
 def device_leads(configuration: Configuration, scene: Scene) -> Leads:
@@ -89,6 +91,7 @@ class Session:
         ``gentle``: after a quarter of a second it goes on where it is, brakes rising slowly over a second.
     :param calibration: of the hand that wears the glove, which is the only one followed then; if None, the one that the
         configuration names, or a nominal hand.
+    :param follows_needs: boards that the scene has no use for are not armed, and go off when it changes.
     :param world: see ``haptics.rendering.world``; of the session of the other hand, to share its objects.
     :raises InputError: something else in place of these, here or in a call; a scene with brakes that the glove does not have.
 
@@ -112,6 +115,7 @@ class Session:
         resume: Resume = "apart",
         world: World | None = None,
         calibration: HandCalibration | None = None,
+        follows_needs: bool = False,
     ):
         an_instance("scene", scene, Scene, "from haptics.load_scene")
         if not isinstance(glove, Devices):
@@ -135,7 +139,7 @@ class Session:
         self._check_scene(scene)
         self.recorder = recorder
         self._placing = LivePlacement(scene) if scene.unresolved else None
-        self._asked = scene
+        self._asked, self._resume = scene, resume
         self.configuration = configuration
         if kept is not None:
             whole_number("kept", kept, 1, 10**9)
@@ -163,6 +167,9 @@ class Session:
             world=world,
         )
         devices.on_result(self._take_result)
+        self._follows_needs = truth("follows_needs", follows_needs)
+        if follows_needs:
+            devices.need(scene.needs.boards)
         self._times_armed = devices.times_armed
         self._last_ns = 0
         self.begun = self._ended = False
@@ -197,6 +204,16 @@ class Session:
             self.begun = True
             if self.recorder is not None:
                 self.recorder.event(start_ns, "start")
+                self.recorder.session(
+                    {
+                        "start_ns": start_ns,
+                        "resume": self._resume,
+                        "scene": self._asked.name,
+                        "scene_source": self._asked.origin,
+                        "objects": placed_table(self._asked),
+                        **calibration_header(self.calibration),
+                    }
+                )
 
     def submit(self, frame: HandFrame, now_ns: int | None = None) -> str | None:
         """Hand in a pose. Waits at most for a tick that is under way.
@@ -207,8 +224,8 @@ class Session:
         :raises InputError: no ``HandFrame`` at all.
         """
         an_instance("frame", frame, HandFrame, "such as HandFrame.from_joints makes")
-        now_ns = self._time("now_ns", now_ns)
         with self._turn():
+            now_ns = self._time("now_ns", now_ns)
             self._watch_arming(now_ns)
             if self._peer is not None and ill_formed(frame) is None:
                 if not self._peer.known:
@@ -230,6 +247,7 @@ class Session:
             self._jumps = peer.jumps
             self._happened(LoopEvent(now_ns, "clock_jump", "", "", "the clock of the poses jumped; it is followed anew"))
             self.loop.hand_gone(now_ns)  # times after it do not go on from those before
+            self._called(now_ns, "hand_gone")
         return replace(frame, time_ns=peer.to_host_ns(frame.time_ns))
 
     def hand_gone(self, now_ns: int | None = None, side: str | None = None) -> None:
@@ -238,13 +256,14 @@ class Session:
         :param now_ns: when that was known, ns on the glove's clock; now if None.
         :param side: of that hand, ``left`` or ``right``; None: no hand is there.
         """
-        now_ns = self._time("now_ns", now_ns)
         if side is not None:
             one_of("side", side, SIDES)
         with self._turn():
+            now_ns = self._time("now_ns", now_ns)
             self.loop.hand_gone(now_ns, side)
             if self._placing is not None:
                 self._placing.forget()
+            self._called(now_ns, "hand_gone", "" if side is None else side)
 
     # The scene ------------------------------------------------------------------------------------------------------
 
@@ -252,6 +271,16 @@ class Session:
     def scene(self) -> Scene:
         """What is rendered now: the scene, without objects that have no place yet."""
         return self.loop.scene
+
+    def plan(self) -> Plan:
+        """Which devices the scene needs, and which model each simulated one would have; made anew with each scene.
+
+        Boards that are open keep the models that they were opened with.
+
+        :return: the plan.
+        """
+        volts = self.configuration.brake.amplitude_v if self._asked.needs.brakes else None
+        return plan_scene(self._asked, amplitude_v=volts)
 
     @property
     def waits_for(self) -> str:
@@ -266,11 +295,12 @@ class Session:
         :param now_ns: ns on the glove's clock; now if None.
         :raises InputError: no hand is there, or it is closed and an object is to be in it.
         """
-        now_ns = self._time("now_ns", now_ns)
         with self._turn():
+            now_ns = self._time("now_ns", now_ns)
             if self.loop.frame is None:
                 raise InputError("there is no hand to place the scene by; submit its poses first")
             self._put_in_place(LivePlacement(self._asked).place(self.loop.frame), now_ns)
+            self._called(now_ns, "place")
 
     @known_arguments
     def move_object(
@@ -291,11 +321,10 @@ class Session:
         :raises InputError: no such object, one with a motion of its own, or no pose.
         """
         pose = Pose(position_m, orientation_xyzw)  # type: ignore[arg-type]  # checked and made tuples there
-        now_ns = self._time("now_ns", now_ns)
         with self._turn():
+            now_ns = self._time("now_ns", now_ns)
             self.loop.world.move(name, pose)
-            if self.recorder is not None:
-                self.recorder.moved(now_ns, name, pose)
+            self._called(now_ns, "move_object", name, pose)
 
     def add_object(self, item: SceneObject, now_ns: int | None = None) -> None:
         """Put one more object into the scene; what is felt of the others goes on.
@@ -312,7 +341,9 @@ class Session:
             more = replace(scene, objects=(*scene.objects, item))
             self._check_scene(more)
             self._asked = replace(self._asked, objects=(*self._asked.objects, item))
-            self._change(more, self._time("now_ns", now_ns))
+            now_ns = self._time("now_ns", now_ns)
+            self._change(more, now_ns)
+            self._called(now_ns, "add_object", item.name)
 
     def remove_object(self, name: str, now_ns: int | None = None) -> None:
         """Take an object out of the scene; what was felt of it is let go of.
@@ -326,7 +357,9 @@ class Session:
             scene = self.loop.world.scene_now()
             left = replace(scene, objects=tuple(item for item in scene.objects if item.name != name))
             self._asked = replace(self._asked, objects=tuple(item for item in self._asked.objects if item.name != name))
-            self._change(left, self._time("now_ns", now_ns))
+            now_ns = self._time("now_ns", now_ns)
+            self._change(left, now_ns)
+            self._called(now_ns, "remove_object", name)
 
     def change_scene(self, scene: Scene, now_ns: int | None = None) -> None:
         """Go on with another scene. Objects that are alike in both go on being felt; all else is let go of, and outputs that the
@@ -341,7 +374,13 @@ class Session:
         with self._turn():
             self._asked = scene
             self._placing = LivePlacement(scene) if scene.unresolved else None
-            self._change(scene.without_unresolved(), self._time("now_ns", now_ns))
+            now_ns = self._time("now_ns", now_ns)
+            self._change(scene.without_unresolved(), now_ns)
+            self._called(now_ns, "change_scene", scene.origin)
+
+    def _called(self, now_ns: int, call: str, name: str = "", pose: Pose | None = None) -> None:
+        if self.recorder is not None:
+            self.recorder.call(now_ns, call, name, pose)
 
     def _put_in_place(self, placed: Scene, now_ns: int) -> None:
         self._placing = None
@@ -351,6 +390,8 @@ class Session:
     def _change(self, scene: Scene, now_ns: int) -> None:
         self.leads = device_leads(self.configuration, scene)
         self.loop.change_scene(scene, self.leads, now_ns)
+        if self._follows_needs:
+            self.devices.need(self._asked.needs.boards)
         for event in self.loop.take_events():
             self._happened(event)
         self._happened(LoopEvent(now_ns, "scene", "", "", f"{scene.name}: {', '.join(scene.names) or 'no objects'}"))
@@ -360,9 +401,9 @@ class Session:
 
         :param now_ns: ns on the glove's clock, which in virtual time moves there; now if None.
         """
-        if type(now_ns) is not int or not 0 <= now_ns <= LATEST_NS:
-            now_ns = self._time("now_ns", now_ns)
         with self._turn():
+            if type(now_ns) is not int or not 0 <= now_ns <= LATEST_NS:
+                now_ns = self._time("now_ns", now_ns)
             self._watch_arming(now_ns)
             self.devices.follow(now_ns)
             self._act(now_ns)
@@ -377,6 +418,8 @@ class Session:
 
     def _act(self, now_ns: int) -> None:
         self._last_ns = now_ns = max(now_ns, self._last_ns)  # in real time the glove's thread may have been here since
+        if self.recorder is not None:
+            self.recorder.looped(now_ns)
         self.loop.tick(now_ns)
         for event in self.loop.take_events():
             self._happened(event)  # what was wanted, before what came of it
@@ -390,6 +433,8 @@ class Session:
             self.loop.hand_gone(now_ns)
             self._observe(now_ns, last=True)
             self._ended = True
+            if self._follows_needs:
+                self.devices.need(("tactiles", "brake"))
             if isinstance(self.glove, Glove):
                 self.glove.let_go_of(self)
 
@@ -400,8 +445,16 @@ class Session:
         """Devices that were armed anew have forgotten what they did; so does the loop."""
         if self.devices.times_armed != self._times_armed:
             self._times_armed = self.devices.times_armed
-            self._outcomes.forget()
-            self.loop.start_over(now_ns)
+            self.start_over(now_ns)
+
+    def start_over(self, now_ns: int) -> None:
+        """The devices were armed anew, so that nothing of what was felt before goes on; by itself where that is noticed.
+
+        :param now_ns: when.
+        """
+        self._outcomes.forget()
+        self.loop.start_over(now_ns)
+        self._called(now_ns, "armed")
 
     def settle(self) -> None:
         """Collect what came out after the last tick, while the glove went off."""

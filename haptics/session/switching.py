@@ -19,7 +19,7 @@ from haptics.time import seconds_to_ns
 ARM_TIMEOUT_S = 2.0
 OFF_TIMEOUT_S = 1.0
 ARMED_STATES = (State.ARMED, State.DRIVING)
-Kind = Literal["arm", "off", "clear"]
+Kind = Literal["arm", "off", "clear", "retire"]
 
 
 class Until(NamedTuple):
@@ -58,6 +58,10 @@ class Switched(Protocol):
     def pins_settled(self) -> bool: ...
 
     def note_pins_out(self) -> None: ...
+
+    def to_arm(self) -> dict[str, Link]: ...
+
+    def retire(self, name: str) -> None: ...
 
 
 class Procedure:
@@ -119,16 +123,17 @@ def arming(devices: Switched) -> Steps:
     try:
         yield from _stop_what_is_armed(devices)
         devices.telemetry.clear()  # what a board reported before it was armed is no news of now
-        pendings = [link.arm(devices.now_ns()) for link in devices.links.values()]
-        for link, pending in zip(devices.links.values(), pendings, strict=True):
+        links = devices.to_arm()
+        pendings = [link.arm(devices.now_ns()) for link in links.values()]
+        for link, pending in zip(links.values(), pendings, strict=True):
             yield Until(lambda pending=pending: pending.done, ARM_TIMEOUT_S)
             _check_armed(link, pending)
-        for name in devices.links:
+        for name in links:
             if not (yield Until(lambda name=name: devices.state_of(name) in ARMED_STATES, ARM_TIMEOUT_S)):
                 state = devices.state_of(name)
                 seen = "nothing" if state is None else State(state).name.lower()
                 raise LimitError(f"{name}: did not reach the armed state within {ARM_TIMEOUT_S:g} s; it reports {seen}")
-        for name in devices.links:
+        for name in links:
             if not devices.obeys(name):
                 raise LimitError(f"{name}: disarmed itself while the other board armed")
     except HapticsError:
@@ -136,7 +141,7 @@ def arming(devices: Switched) -> Steps:
         raise
     devices.permit()
     array = devices.tactiles
-    if array is not None:
+    if array is not None and devices.permits("tactiles"):
         array.withdraw_all(devices.now_ns())
         yield Until(devices.pins_settled, OFF_TIMEOUT_S)
         devices.note_pins_out()
@@ -198,6 +203,24 @@ def _drop_volts(devices: Switched) -> Steps:
     brakes = devices.brakes
     if brakes is not None and devices.obeys("brake"):
         yield Until(lambda: brakes.idle, OFF_TIMEOUT_S)
+
+
+def retiring(devices: Switched) -> Steps:
+    """Boards that are armed and of no use any more go off, one by one; the others go on.
+
+    :param devices: of the glove.
+    :return: its steps.
+    """
+    needed = devices.to_arm()
+    array, brakes = devices.tactiles, devices.brakes
+    if array is not None and "tactiles" not in needed and devices.permits("tactiles"):
+        array.end("ended")
+        yield from _withdraw_pins(devices)
+        devices.retire("tactiles")
+    if brakes is not None and "brake" not in needed and devices.permits("brake"):
+        brakes.end("ended", devices.now_ns())
+        yield from _drop_volts(devices)
+        devices.retire("brake")
 
 
 def clearing(devices: Switched) -> Steps:
