@@ -24,12 +24,12 @@ from haptics.devices.tactiles import TELLING_NS
 from haptics.errors import InputError
 from haptics.link.commands import Pending
 from haptics.link.connection import Link
-from haptics.link.events import NO_CHANNEL, Disarmed, Event, FaultReported, FoundArmed, Lost, Rebooted, Telemetry
+from haptics.link.events import NO_CHANNEL, Disarmed, Event, FaultReported, FoundArmed, Lost, Ready, Rebooted, Telemetry
 from haptics.link.limits import Wanted, kept_stricter, stricter
 from haptics.link.messages import DURATION_UNIT_US, Board, State
 from haptics.link.polling import PollingRunner
 from haptics.link.port_url import is_simulated, query_of, with_defaults
-from haptics.link.ports import check_board_port, open_port
+from haptics.link.ports import BytePort, check_board_port, open_port
 from haptics.link.readings import fault_name, fault_names
 from haptics.link.runner import VirtualRunner, connect
 from haptics.link.session import LinkSession
@@ -37,6 +37,7 @@ from haptics.link.simulated import SimulatedPort, simulated
 from haptics.scheduling import CoilLimits, ThermalBudget
 from haptics.session import heat
 from haptics.session.configuration import COUNTED_COIL_A, BrakeConfiguration, TactilesConfiguration
+from haptics.session.reopening import Reopening
 from haptics.session.switching import Kind, Procedure, Steps, Switched, arming, clearing, going_off, retiring
 from haptics.time import LATEST_NS, NS_PER_MS, NS_PER_S, MonotonicClock, VirtualClock, seconds_to_ns
 from haptics.units import a_callable, an_instance, one_of, truth, whole_number
@@ -44,6 +45,8 @@ from haptics.units import a_callable, an_instance, one_of, truth, whole_number
 TICK_NS = NS_PER_MS
 LONGEST_STEP_S = 1e6
 _PARTS: dict[str, type] = {"tactiles": TactilesConfiguration, "brake": BrakeConfiguration}
+TEXTS_KEPT = 200
+"""Faults and notes that are remembered."""
 HELD_V = 20
 """Volts that a board measures at an output count as held from here on: below it is its converter's noise."""
 HANDOVER_S = 100e-6
@@ -104,12 +107,13 @@ class Devices:
         self.realtime = realtime = truth("realtime", realtime)
         self.clock: VirtualClock | MonotonicClock = MonotonicClock() if realtime else VirtualClock()
         self.links: dict[str, Link] = {}
+        self._openers: dict[str, Callable[[], BytePort]] = {}
+        self._reopening: list[Reopening] = []
         self.faults: list[str] = []
         self.notes: list[str] = []
         self.telemetry: dict[str, Any] = {}
         self._event_sinks: list[Callable[[str, Event], None]] = []
         self._result_sinks: list[Callable[[int, Result | Refusal], None]] = []
-        self._opened = False
         self._wanted_armed = False
         self._heat_booked = True
         self._limit_pulses = truth("limit_pulses", limit_pulses)
@@ -117,6 +121,7 @@ class Devices:
         self._procedures: list[Procedure] = []
         self.latched: dict[str, tuple[str, ...]] = {}
         self.needed: frozenset[str] = frozenset(_PARTS)
+        self._lost: set[str] = set()
         self._heard: set[str] = set()  # boards that have told how they were found
         self.times_armed = 0
         simulate = _checked_keys({} if simulate is None else simulate)
@@ -144,7 +149,6 @@ class Devices:
             for link in self.links.values():
                 link.close()
             raise
-        self._opened = True
         self.tactiles: TactilesDriver | None = None
         self.brakes: BrakeDriver | None = None
         self.shared_tactiles: SharedTactiles | None = None
@@ -161,6 +165,7 @@ class Devices:
         except BaseException:
             self.close()
             raise
+        self._reopening = [Reopening(link, self._openers[name], realtime) for name, link in self.links.items()]
 
     # Opening --------------------------------------------------------------------------------------------------------
 
@@ -187,6 +192,7 @@ class Devices:
                 "expected a sim://… port in virtual time"
             )
         port = open_port(url, part.baud)
+        self._openers[name] = lambda: open_port(url, part.baud)
         if not self.realtime and query_of(url).get("clock") != "virtual":
             port.close()
             raise InputError(
@@ -284,6 +290,8 @@ class Devices:
                 self._take(name, event)
             if name in self._permitted and not self.obeys(name):
                 self._forbid(name)
+        for reopening in self._reopening:
+            reopening.step(self.now_ns())
         if self._procedures:
             self._go_on()
 
@@ -368,7 +376,7 @@ class Devices:
             self.tick(self.now_ns())
 
     def _take(self, name: str, event: Event) -> None:
-        if name == "tactiles" and isinstance(event, FaultReported | Rebooted | Disarmed):
+        if name == "tactiles" and isinstance(event, FaultReported | Rebooted | Disarmed | Lost):
             self._heat_booked = False
         if isinstance(event, Telemetry):
             self.telemetry[name] = event.message
@@ -376,6 +384,9 @@ class Devices:
             if name not in self._heard:
                 self._heard.add(name)
                 self._note_found(name, event.message)
+        elif isinstance(event, Ready) and name in self._lost:
+            self._lost.discard(name)
+            self._note(f"{name}: the board is there again; it is disarmed until armed by hand")
         elif isinstance(event, FoundArmed):
             self._note(f"{name}: it was still armed by an earlier host when this one came; it was stopped")
         elif isinstance(event, FaultReported):
@@ -387,6 +398,7 @@ class Devices:
             if self._wanted_armed:
                 self._fault(f"{name}: disarmed by itself ({event.reason})")
         elif isinstance(event, Lost):
+            self._lost.add(name)
             self._fault(f"{name}: {event.error}")
         for sink in self._event_sinks:
             sink(name, event)
@@ -408,10 +420,12 @@ class Devices:
     def _note(self, text: str) -> None:
         if text not in self.notes:
             self.notes.append(text)
+            del self.notes[:-TEXTS_KEPT]
 
     def _fault(self, text: str) -> None:
         if text not in self.faults:
             self.faults.append(text)
+            del self.faults[:-TEXTS_KEPT]
 
     def _forbid(self, name: str) -> None:
         """A board is no longer armed: what was asked of it is forgotten."""
@@ -641,6 +655,8 @@ class Devices:
 
     def close(self) -> None:
         """Close the ports; call :meth:`off` first."""
+        for reopening in self._reopening:
+            reopening.close()
         for link in self.links.values():
             link.close()
 

@@ -6,6 +6,7 @@ import atexit
 import math
 import os
 import threading
+from collections import deque
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from os import PathLike
@@ -39,6 +40,9 @@ from haptics.session.service import JOIN_S, Service, go_off
 from haptics.session.switching import Procedure
 from haptics.time import seconds_to_ns
 from haptics.units import brief, file_path, known_arguments, number, one_of, truth, whole_number
+
+RESULTS_KEPT = 10_000
+"""Results that nobody has asked for yet; a program that never asks costs no more memory than that."""
 
 
 class Rendered(Protocol):
@@ -94,7 +98,7 @@ class Glove:
         self._ending = self._closed = False
         self._ends = ExitStack()
         self._telemetry: dict[str, Telemetry] = {}
-        self._results: list[Result] = []  # not asked for yet
+        self._results: deque[Result] = deque(maxlen=RESULTS_KEPT)  # not asked for yet
         self._session: Rendered | None = None
         self._process = os.getpid()
         devices.on_event(self._note)
@@ -366,11 +370,12 @@ class Glove:
         A brake gives another result, not played, where a board did not go on holding it. What a session on the glove asked for is
         in its own ``results`` and ``brake_results``.
 
-        :return: results since the last call.
+        :return: results since the last call, of the last ten thousand.
         """
         with self.turn(missed_allowed=True) as devices:
             devices.hand_on_results()
-            results, self._results = self._results, []
+            results = list(self._results)
+            self._results.clear()
             return results
 
     def state(self) -> GloveState:

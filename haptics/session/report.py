@@ -23,6 +23,7 @@ from haptics.scene.placement import closing_strokes
 from haptics.scene.scene import Scene
 from haptics.scene.sites import SITE, SITES
 from haptics.session.felt_share import LARGEST_FAILED_SHARE, FeltShare, coarse_note, fault_of, felt_share
+from haptics.session.heard import Heard
 from haptics.session.session import Session
 from haptics.time import NS_PER_MS, NS_PER_S
 
@@ -36,6 +37,7 @@ TOGETHER_NS = 50 * NS_PER_MS
 def build_report(
     *,
     session: Session,
+    heard: Heard,
     plan: Plan,
     motion: Motion,
     latency_ns: int,
@@ -48,6 +50,7 @@ def build_report(
     """The object that ``haptics run --json`` prints.
 
     :param session: ended.
+    :param heard: all that it told.
     :param plan: which models the devices had.
     :param motion: what was played, and what of it was refused.
     :param latency_ns: from sampling a pose to its arrival, ns.
@@ -59,11 +62,11 @@ def build_report(
     :return: plain data.
     """
     recording, frames, side = motion.recording, motion.frames, motion.side
-    events = Counter(event.kind for event in session.events)
-    faults = [*session.devices.faults, *(f"watchdog: {e.detail}" for e in session.events if e.kind == "watchdog")]
-    denied = Counter(str(result.reason) for result in session.results if not result.played)
-    played = sum(result.played for result in session.results)
-    felt = _felt(session, played, denied)
+    events = Counter(event.kind for event in heard.events)
+    faults = [*session.devices.faults, *(f"watchdog: {e.detail}" for e in heard.events if e.kind == "watchdog")]
+    denied = Counter(str(result.reason) for result in heard.results if not result.played)
+    played = sum(result.played for result in heard.results)
+    felt = _felt(session, heard, played, denied)
     faults += [fault for one in felt if (fault := fault_of(one, session.devices.links.get(one.board))) is not None]
     return {
         "scene": session.scene.name,
@@ -79,43 +82,45 @@ def build_report(
         "contacts": events["touch"],
         "grasps": events["grasp_begin"],
         "pulses": {
-            "requested": len(session.results),
+            "requested": len(heard.results),
             "played": played,
             "denied": dict(sorted(denied.items())),
         },
         "failed_share": {one.board: one.share for one in felt},
         "largest_failed_share": LARGEST_FAILED_SHARE,
         "shift_ms": {name: link.shift_ns / NS_PER_MS for name, link in session.devices.links.items()},
-        "onset_error_ms": _onset(session, frames, latency_ns, start_ns, tick_ns),
-        "actuators": _actuators(session, plan),
+        "onset_error_ms": _onset(session, heard, frames, latency_ns, start_ns, tick_ns),
+        "actuators": _actuators(session, heard, plan),
         "brakes": _brakes(session),
         "ticks": {"count": ticks, "missed": ticks_missed},
         "plan": [asdict(row) for row in plan.rows],
         "absent": [asdict(absence) for absence in plan.absent],
-        "derated": Counter(event.detail for event in session.events if event.kind == "derated"),
+        "derated": Counter(event.detail for event in heard.events if event.kind == "derated"),
         "faults": faults,
-        "notes": [*motion.notes, *_notes(session.scene, recording, side, session)],
+        "notes": [*motion.notes, *_notes(session.scene, recording, side, session, heard)],
         "recording": None if out is None else str(out),
     }
 
 
-def _felt(session: Session, played: int, denied: Mapping[str, int]) -> list[FeltShare]:
+def _felt(session: Session, heard: Heard, played: int, denied: Mapping[str, int]) -> list[FeltShare]:
     """Of each board: what was asked of it, and what of that failed."""
     shares = [] if session.devices.tactiles is None else [felt_share("tactiles", played, denied)]
     if session.devices.brakes is not None:
-        refused = Counter(event.detail for event in session.events if event.kind == "derated" and event.subject in BRAKE_COMMANDS)
+        refused = Counter(event.detail for event in heard.events if event.kind == "derated" and event.subject in BRAKE_COMMANDS)
         sent = max(session.devices.brakes.commands, refused.total())
         shares.append(felt_share("brake", sent - refused.total(), refused))
     return shares
 
 
-def _onset(session: Session, frames: Sequence[HandFrame], latency_ns: int, start_ns: int, tick_ns: int) -> dict[str, Any]:
+def _onset(
+    session: Session, heard: Heard, frames: Sequence[HandFrame], latency_ns: int, start_ns: int, tick_ns: int
+) -> dict[str, Any]:
     """Onset error of touches in contact mode and of grasps; all times from the start of the hand's motion."""
     scene, sites = session.scene, session.loop.sites
     objects = _contact_objects(scene)
     measured = Onsets()
     truths = track_truths(scene, sites, frames, tuple(objects))
-    pins = _pin_arrivals(session, start_ns)
+    pins = _pin_arrivals(session, heard, start_ns)
     pin_lead_ns = round(session.leads.pin_s * NS_PER_S)
     for truth in truths:
         first_ns, last_ns = int(truth.time_ns[0]), int(truth.time_ns[-1])
@@ -154,14 +159,14 @@ def _contact_objects(scene: Scene) -> dict[str, frozenset[int]]:
     return found
 
 
-def _pin_arrivals(session: Session, start_ns: int) -> dict[int, list[int]]:
+def _pin_arrivals(session: Session, heard: Heard, start_ns: int) -> dict[int, list[int]]:
     """When pins reached the skin, by site: the plant's truth, or on hardware the sent start and the model's flight."""
     names, found = session.site_names, {}
     if session.devices.plant("tactiles") is not None:
         arrivals = [(channel, ns) for ns, channel, kind in session.truth.pins if kind == "reached_skin"]
     else:
         flight_ns = round((session.leads.pin_s - COMMAND_LEAD_NS / NS_PER_S) * NS_PER_S)
-        played = [r for r in session.results if r.kind == "contact" and r.played]
+        played = [r for r in heard.results if r.kind == "contact" and r.played]
         arrivals = [(names.index(r.site), r.start_ns + flight_ns) for r in played if r.start_ns is not None]
     for channel, ns in arrivals:
         found.setdefault(SITE[names[channel]], []).append(ns - start_ns)
@@ -177,12 +182,12 @@ def _brake_holds(session: Session, start_ns: int) -> list[int]:
     return [ns for ns, following in zip(times, [*times[1:], float("inf")], strict=False) if following - ns > TOGETHER_NS]
 
 
-def _actuators(session: Session, plan: Plan) -> list[dict[str, Any]]:
+def _actuators(session: Session, heard: Heard, plan: Plan) -> list[dict[str, Any]]:
     """Each tactor's warmest, by the plant's truth, or on hardware by the account's upper bound, and the room left then."""
     array = session.devices.tactiles
     if array is None:
         return []
-    played = Counter(result.site for result in session.results if result.played)
+    played = Counter(result.site for result in heard.results if result.played)
     simulated = session.devices.plant("tactiles") is not None
     rows = []
     for channel, (site, budget) in enumerate(zip(array.sites, array.budgets, strict=True)):
@@ -209,7 +214,7 @@ def _brakes(session: Session) -> list[dict[str, Any]]:
     ]
 
 
-def _notes(scene: Scene, recording: HandRecording, side: str, session: Session) -> list[str]:
+def _notes(scene: Scene, recording: HandRecording, side: str, session: Session, heard: Heard) -> list[str]:
     notes = [*scene.notes, *(f"{name} is not there: {why}" for name, why in scene.absent)]
     tracks = recording.of_side(side)
     if scene.needs.brakes and not any(closing_strokes(track) for track in tracks):
@@ -220,7 +225,7 @@ def _notes(scene: Scene, recording: HandRecording, side: str, session: Session) 
     if session.calibration is not None:
         notes += _of_calibration(session.calibration, tracks)
     notes += [note for name, link in session.devices.links.items() if (note := coarse_note(name, link)) is not None]
-    withdrawn = sum(event.kind == "grasp_withdrawn" for event in session.events)
+    withdrawn = sum(event.kind == "grasp_withdrawn" for event in heard.events)
     if withdrawn:
         notes.append(f"brakes closed ahead of {withdrawn} grasps that did not come, and opened again")
     return notes

@@ -6,13 +6,14 @@ import gc
 import hashlib
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from haptics.ends import orderly, unbroken
 from haptics.fidelity import DEFAULT_BUDGET, DEFAULT_TOLERANCE_JND, Plan, plan_scene
+from haptics.judging.truth import Truth
 from haptics.recording import load, write_picture, write_rrd
 from haptics.recording.ending import finish, keep
 from haptics.recording.leftovers import journal_of, refuse_leftover
@@ -24,9 +25,12 @@ from haptics.scene.hands.frame import HandFrame
 from haptics.scene.hands.motion import judge_motion
 from haptics.scene.hands.recording import HandRecording
 from haptics.scene.scene import Scene
+from haptics.session.arrivals import arrivals_of
 from haptics.session.composition import EarlyWire, open_planned, with_outputs, with_ports
 from haptics.session.configuration import Configuration
 from haptics.session.devices import Devices
+from haptics.session.heard import Heard
+from haptics.session.pace import Pace
 from haptics.session.recorder import Recorder, provenance, sites_of_joints
 from haptics.session.report import build_report
 from haptics.session.session import Session
@@ -34,8 +38,6 @@ from haptics.session.whose_hand import calibration_header, calibration_of, sites
 from haptics.time import NS_PER_MS, NS_PER_S, seconds_to_ns
 from haptics.units import in_range
 
-GONE_NS = 15 * NS_PER_MS
-"""A tracker that loses a hand reports it with its next frame, about this much later."""
 TAIL_NS = 40 * NS_PER_MS
 """The run goes on this long after the last pose arrived, so that what it caused is seen; less than the pose watchdog."""
 
@@ -148,11 +150,12 @@ def run_scene(scene_name: str, hand_source: str, configuration: Configuration, o
                 _make_safe(glove, recorder)
                 raise
             glove.close()
-            session, start_ns, ticks, missed = played
+            session, heard, start_ns, ticks, missed = played
             if options.watch is not None:
                 options.watch(session)
             report = build_report(
                 session=session,
+                heard=heard,
                 plan=plan,
                 motion=motion,
                 latency_ns=seconds_to_ns(latency_s),
@@ -212,9 +215,10 @@ def _play(
     recording: HandRecording,
     latency_s: float,
     options: RunOptions,
-) -> tuple[Session, int, int, int | None]:
+) -> tuple[Session, Heard, int, int, int | None]:
     tick_ns = NS_PER_S // configuration.tick_hz
-    session = Session(scene, glove, configuration, recorder, kept=None, calibration=options.calibration)
+    session = Session(scene, glove, configuration, recorder, calibration=options.calibration, gathered=Truth.keeping(None))
+    heard = Heard(session)
     gc.collect()
     gc.freeze()
     glove.arm()
@@ -223,7 +227,7 @@ def _play(
     arrivals = list(arrivals_of(frames, recording, start_ns, seconds_to_ns(latency_s)))
     end_ns = (arrivals[-1][0] if arrivals else start_ns + seconds_to_ns(recording.duration_s)) + TAIL_NS
     ticks = -(-(end_ns - start_ns) // tick_ns)
-    pace = _Pace(options.realtime, tick_ns)
+    pace = Pace(options.realtime, tick_ns)
     show = _Progress(options.progress, ticks)
     try:
         index = 0
@@ -241,45 +245,7 @@ def _play(
         show.done()
     glove.off()
     session.settle()
-    return session, start_ns, ticks + 1, pace.missed
-
-
-def arrivals_of(
-    frames: tuple[HandFrame, ...], recording: HandRecording, start_ns: int, latency_ns: int
-) -> Iterator[tuple[int, HandFrame | None]]:
-    """When each pose reaches the loop.
-
-    :param frames: of one side, their times from the start of the motion.
-    :param recording: they are of.
-    :param start_ns: when the motion begins, ns on the glove's clock.
-    :param latency_ns: from sampling to arrival, ns.
-    :return: arrival (ns on the glove's clock) and the pose, stamped on that clock; None where the tracker reports the hand gone.
-    """
-    for frame, following in zip(frames, (*frames[1:], None), strict=True):
-        sampled_ns = start_ns + frame.time_ns
-        yield sampled_ns + latency_ns, replace(frame, time_ns=sampled_ns)
-        ends_ns = seconds_to_ns(recording.duration_s) if following is None else following.time_ns
-        changes = following is None or following.track_id != frame.track_id
-        if changes and ends_ns - frame.time_ns > 2 * GONE_NS:
-            yield sampled_ns + latency_ns + GONE_NS, None
-
-
-class _Pace:
-    """Absolute deadlines: waits for them in real time and counts those missed by over a period; virtual time is on time."""
-
-    def __init__(self, realtime: bool, tick_ns: int):
-        self._realtime, self._tick_ns = realtime, tick_ns
-        self.missed: int | None = 0 if realtime else None
-
-    def wait_for(self, planned_ns: int) -> int:
-        if self.missed is None:
-            return planned_ns
-        ahead_ns = planned_ns - time.monotonic_ns()
-        if ahead_ns > 0:
-            time.sleep(ahead_ns / NS_PER_S)
-        now_ns = time.monotonic_ns()
-        self.missed += now_ns - planned_ns > self._tick_ns
-        return now_ns
+    return session, heard, start_ns, ticks + 1, pace.missed
 
 
 class _Progress:

@@ -24,16 +24,16 @@ class Sampler:
 
     :param devices: what is looked at.
     :param recorder: takes a row of each sample, or None.
-    :param kept: how much of what happened one after the other ``truth`` holds; None: all.
+    :param truth: to gather in what simulated plants do; one that holds the last of it if None.
 
     :ivar truth: what the simulated plants did since this was made; empty on hardware.
     """
 
-    def __init__(self, devices: Devices, recorder: Recorder | None, kept: int | None = KEPT):
+    def __init__(self, devices: Devices, recorder: Recorder | None, truth: Truth | None = None):
         self._devices, self._recorder = devices, recorder
         self._array_plant, self._brake_plant = devices.plant("tactiles"), devices.plant("brake")
         self._due_ns = 0
-        self.truth = Truth.keeping(kept)
+        self.truth = Truth.keeping(KEPT) if truth is None else truth
 
     def due(self, now_ns: int) -> None:
         """Sample, if the last sample is ``SAMPLE_NS`` old.

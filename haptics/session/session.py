@@ -16,6 +16,7 @@ from haptics.devices.pace import COMMAND_LEAD_NS
 from haptics.devices.sharing import SCENE
 from haptics.errors import InputError
 from haptics.fidelity import Plan, plan_scene
+from haptics.judging.truth import Truth
 from haptics.physics.brake.charging import rise_time_s
 from haptics.physics.brake.contact import CONTACT
 from haptics.physics.brake.parameters import BRAKE, capacitance_f
@@ -86,12 +87,13 @@ class Session:
     :param recorder: takes rows; that of the glove's recording if None and there is one.
     :param peer: clock that poses have their times on; the glove's own if None.
     :param kept: how many results and events, and how much of the plants' truth, the session remembers, 1 or more; None: all of
-        it, for a session of known length. :meth:`subscribe` and a recording get all of them in any case.
+        them. :meth:`subscribe` and a recording get all of them in any case.
     :param resume: when poses come again after they had stopped: ``apart``: nothing is felt until the hand touches nothing;
         ``gentle``: after a quarter of a second it goes on where it is, brakes rising slowly over a second.
     :param calibration: of the hand that wears the glove, which is the only one followed then; if None, the one that the
         configuration names, or a nominal hand.
     :param follows_needs: boards that the scene has no use for are not armed, and go off when it changes.
+    :param gathered: what the plants do is gathered in this, however much that is; ``truth`` then.
     :param world: see ``haptics.rendering.world``; of the session of the other hand, to share its objects.
     :raises InputError: something else in place of these, here or in a call; a scene with brakes that the glove does not have.
 
@@ -116,6 +118,7 @@ class Session:
         world: World | None = None,
         calibration: HandCalibration | None = None,
         follows_needs: bool = False,
+        gathered: Truth | None = None,
     ):
         an_instance("scene", scene, Scene, "from haptics.load_scene")
         if not isinstance(glove, Devices):
@@ -173,7 +176,7 @@ class Session:
         self._times_armed = devices.times_armed
         self._last_ns = 0
         self.begun = self._ended = False
-        self._sampler = Sampler(devices, recorder, kept)
+        self._sampler = Sampler(devices, recorder, Truth.keeping(kept) if gathered is None else gathered)
         self.truth = self._sampler.truth
         self._turn: Callable[[], AbstractContextManager[object]] = nullcontext
         if isinstance(glove, Glove):
