@@ -26,7 +26,11 @@ FAR_M = 1.0
 
 
 class Due(NamedTuple):
-    """A grasp that is to be acted for now: of which object, and when it is expected (ns)."""
+    """A grasp that is to be acted for now.
+
+    :param object: name of the object to close for.
+    :param aimed_ns: when the grasp is expected, ns.
+    """
 
     object: str
     aimed_ns: int

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Mapping
-from typing import Any
 
 from haptics.devices import (
     BrakeDriver,
@@ -24,47 +23,23 @@ from haptics.devices.tactiles import TELLING_NS
 from haptics.errors import InputError
 from haptics.link.commands import Pending
 from haptics.link.connection import Link
-from haptics.link.events import NO_CHANNEL, Disarmed, Event, FaultReported, FoundArmed, Lost, Ready, Rebooted, Telemetry
-from haptics.link.limits import Wanted, kept_stricter, stricter
-from haptics.link.messages import DURATION_UNIT_US, Board, State
+from haptics.link.events import Disarmed, Event
 from haptics.link.polling import PollingRunner
-from haptics.link.port_url import is_simulated, query_of, with_defaults
-from haptics.link.ports import BytePort, check_board_port, open_port
-from haptics.link.readings import fault_name, fault_names
+from haptics.link.ports import BytePort
 from haptics.link.runner import VirtualRunner, connect
-from haptics.link.session import LinkSession
 from haptics.link.simulated import SimulatedPort, simulated
-from haptics.scheduling import CoilLimits, ThermalBudget
 from haptics.session import heat
-from haptics.session.configuration import COUNTED_COIL_A, BrakeConfiguration, TactilesConfiguration
+from haptics.session.board_news import BoardNews
+from haptics.session.configuration import BrakeConfiguration, TactilesConfiguration
+from haptics.session.opening import PARTS, Opening, WireTap
 from haptics.session.reopening import Reopening
 from haptics.session.switching import Kind, Procedure, Steps, Switched, arming, clearing, going_off, retiring
 from haptics.time import LATEST_NS, NS_PER_MS, NS_PER_S, MonotonicClock, VirtualClock, seconds_to_ns
-from haptics.units import a_callable, an_instance, one_of, truth, whole_number
+from haptics.units import a_callable, one_of, truth, whole_number
 
 TICK_NS = NS_PER_MS
 LONGEST_STEP_S = 1e6
-_PARTS: dict[str, type] = {"tactiles": TactilesConfiguration, "brake": BrakeConfiguration}
-TEXTS_KEPT = 200
-"""Faults and notes that are remembered."""
-HELD_V = 20
-"""Volts that a board measures at an output count as held from here on: below it is its converter's noise."""
-HANDOVER_S = 100e-6
-"""Pause between two pulses that share a coil or its share of the current: more than a clock estimate moves between them."""
 _STEPS: dict[Kind, Callable[[Switched], Steps]] = {"arm": arming, "off": going_off, "clear": clearing, "retire": retiring}
-WireTap = Callable[[str, int, bool, bytes], None]
-
-
-def _checked_keys(simulate: object) -> Mapping[str, Mapping[str, object]]:
-    """Query keys for simulated boards.
-
-    :raises InputError: not by a board's name, or not keys and values.
-    """
-    an_instance("simulate", simulate, Mapping, "from a board's name to query keys and their values")
-    for name, keys in simulate.items():  # type: ignore[attr-defined]
-        one_of("simulate", name, tuple(_PARTS))
-        an_instance(f"simulate of {name}", keys, Mapping, "from query keys to values")
-    return simulate  # type: ignore[return-value]
 
 
 class Devices:
@@ -107,37 +82,20 @@ class Devices:
         self.realtime = realtime = truth("realtime", realtime)
         self.clock: VirtualClock | MonotonicClock = MonotonicClock() if realtime else VirtualClock()
         self.links: dict[str, Link] = {}
-        self._openers: dict[str, Callable[[], BytePort]] = {}
         self._reopening: list[Reopening] = []
-        self.faults: list[str] = []
-        self.notes: list[str] = []
-        self.telemetry: dict[str, Any] = {}
-        self._event_sinks: list[Callable[[str, Event], None]] = []
+        self._news = BoardNews()
+        self.faults, self.notes = self._news.faults, self._news.notes
+        self.latched, self.telemetry = self._news.latched, self._news.telemetry
         self._result_sinks: list[Callable[[int, Result | Refusal], None]] = []
-        self._wanted_armed = False
-        self._heat_booked = True
-        self._limit_pulses = truth("limit_pulses", limit_pulses)
         self._permitted: set[str] = set()  # boards whose drivers may ask for energy
         self._procedures: list[Procedure] = []
-        self.latched: dict[str, tuple[str, ...]] = {}
-        self.needed: frozenset[str] = frozenset(_PARTS)
-        self._lost: set[str] = set()
-        self._heard: set[str] = set()  # boards that have told how they were found
+        self.needed: frozenset[str] = frozenset(PARTS)
         self.times_armed = 0
-        simulate = _checked_keys({} if simulate is None else simulate)
-        if wire_tap is not None:
-            a_callable("wire_tap", wire_tap, "port name, time, direction and bytes")
-        asked = {"tactiles": tactiles, "brake": brake}
-        for name, part in asked.items():  # all of them before the first is opened, which may reset a board
-            if part is not None:
-                an_instance(name, part, _PARTS[name], "a part of haptics.load_configuration's answer, or None")
-                check_board_port(part.port, name, f"{name} port")
-        if tactiles is not None and brake is not None and tactiles.port == brake.port:
-            raise InputError(f"brake port = {brake.port!r} is the tactiles port, too; expected a port for each board")
+        opening = Opening(tactiles, brake, realtime, seed, simulate, wire_tap, truth("limit_pulses", limit_pulses))
+        openers: dict[str, Callable[[], BytePort]] = {}
         try:
-            for name, part in asked.items():
-                if part is not None:
-                    self.links[name] = self._open(name, part, seed, simulate.get(name, {}), wire_tap)
+            for name in opening.parts:
+                self.links[name], openers[name] = opening.link(name)
             links = list(self.links.values())
             if not realtime:  # a world that was there before has gone on without this glove
                 starts_ns = [link.simulated.truth()["time_ns"] for link in self.links.values() if link.simulated is not None]
@@ -155,102 +113,24 @@ class Devices:
         self.shared_brakes: SharedBrakes | None = None
         try:
             connect(self._runner)
-            for name, part in asked.items():
-                if part is not None:
-                    self._note_limits(name, part)
-            self.tactiles = None if tactiles is None else self._tactiles_driver(tactiles)
-            self.brakes = None if brake is None else self._brake_driver(brake)
-            self.shared_tactiles = None if self.tactiles is None else SharedTactiles(self.tactiles)
-            self.shared_brakes = None if self.brakes is None else SharedBrakes(self.brakes)
+            for name, link in self.links.items():
+                self.notes += opening.notes(name, link)
+            if tactiles is not None:
+                self.tactiles, self._coils, notes = opening.tactiles(self.links["tactiles"])
+                self.notes += notes
+                self.shared_tactiles = SharedTactiles(self.tactiles)
+            if brake is not None:
+                self.brakes = opening.brakes(self.links["brake"])
+                self.shared_brakes = SharedBrakes(self.brakes)
         except BaseException:
             self.close()
             raise
-        self._reopening = [Reopening(link, self._openers[name], realtime) for name, link in self.links.items()]
-
-    # Opening --------------------------------------------------------------------------------------------------------
+        self._reopening = [Reopening(link, openers[name], realtime) for name, link in self.links.items()]
 
     @property
     def _virtual_clock(self) -> VirtualClock:
         assert isinstance(self.clock, VirtualClock)
         return self.clock
-
-    def _open(
-        self,
-        name: str,
-        part: TactilesConfiguration | BrakeConfiguration,
-        seed: int,
-        simulate: Mapping[str, object],
-        wire_tap: WireTap | None,
-    ) -> Link:
-        defaults: dict[str, object] = {"clock": "real" if self.realtime else "virtual", "seed": seed}
-        if part.port.startswith(f"sim://{name}"):
-            defaults |= simulate
-        url = with_defaults(part.port, **defaults)
-        if not self.realtime and not is_simulated(url):
-            raise InputError(
-                f"port = {part.port!r} is hardware, which runs in real time (--realtime, or haptics.open without clock); "
-                "expected a sim://… port in virtual time"
-            )
-        port = open_port(url, part.baud)
-        self._openers[name] = lambda: open_port(url, part.baud)
-        if not self.realtime and query_of(url).get("clock") != "virtual":
-            port.close()
-            raise InputError(
-                f"port = {part.port!r} asks for the real clock; in virtual time (without --realtime) expected clock=virtual"
-            )
-
-        def tap(time_ns: int, direction: str, data: bytes) -> None:
-            if wire_tap is not None:
-                wire_tap(name, time_ns, direction == "out", data)
-
-        board, wanted = Board[name.upper()], self._wanted_limits(part)
-
-        def limits(identity: Any) -> tuple[int, ...]:
-            return stricter(board, wanted, identity.limits)
-
-        return Link(port, LinkSession(board, part.port, limits=limits, baud=part.baud, tap=tap))
-
-    def _wanted_limits(self, part: TactilesConfiguration | BrakeConfiguration) -> Wanted:
-        if isinstance(part, TactilesConfiguration):
-            return part.board_limits(of_pulses=self._limit_pulses)
-        return part.board_limits()
-
-    def _limits(self, name: str, part: TactilesConfiguration | BrakeConfiguration) -> tuple[int, ...]:
-        """What holds: of each limit the stricter of configuration and board."""
-        return stricter(Board[name.upper()], self._wanted_limits(part), self.links[name].identity.limits)
-
-    def _note_limits(self, name: str, part: TactilesConfiguration | BrakeConfiguration) -> None:
-        """Say where a board was built stricter than the configuration, or still keeps what another host configured."""
-        kept = kept_stricter(Board[name.upper()], self._wanted_limits(part), self.links[name].identity.limits)
-        self.notes += [f"{name}: the board holds a stricter limit: {text}" for text in kept]
-
-    def _tactiles_driver(self, part: TactilesConfiguration) -> TactilesDriver:
-        """The array, held to the stricter of configuration and board, so that no legal request is refused by the board."""
-        longest, current_ma, _, _, on_time_ms = self._limits("tactiles", part)
-        self._coils = [part.coil_heat(site) for site in part.sites]
-        limits_k = [min(part.rise_limit_k, coil.limit_k(on_time_ms / 1000)) for coil in self._coils]
-        if self._limit_pulses and min(limits_k) < part.rise_limit_k * (1 - 1e-3):
-            site = part.sites[limits_k.index(min(limits_k))]
-            self.notes.append(
-                f"tactiles: {on_time_ms} ms of on-time, the board's limit, hold {site} to {min(limits_k):.1f} K "
-                f"({part.rise_limit_k:g} K configured)"
-            )
-        budgets = [ThermalBudget(coil.parameters, limit_k) for coil, limit_k in zip(self._coils, limits_k, strict=True)]
-        limits = CoilLimits(
-            current_ma / 1000,
-            max(part.coil_current_a, COUNTED_COIL_A),
-            tuple(coil.power_w for coil in self._coils),
-            HANDOVER_S,
-        )
-        contact_s = min(part.contact_pulse_s, longest * DURATION_UNIT_US / 1e6)  # the longest may be that of another stroke
-        return TactilesDriver(self.links["tactiles"], part.sites, limits, budgets, contact_s)
-
-    def _brake_driver(self, part: BrakeConfiguration) -> BrakeDriver:
-        """The brakes, likewise."""
-        amplitude_v, _, frequency_dhz, ttl_ms, _ = self._limits("brake", part)
-        frequency_hz = min(part.frequency_hz, frequency_dhz / 10)
-        ttl_s = min(part.ttl_s, ttl_ms / 1000)
-        return BrakeDriver(self.links["brake"], part.channels, frequency_hz, ttl_s, amplitude_v, frequency_dhz / 10)
 
     # Time -----------------------------------------------------------------------------------------------------------
 
@@ -268,7 +148,7 @@ class Devices:
         :raises InputError: it cannot be called.
         """
         a_callable("sink", sink, "a board's name and an event")
-        self._event_sinks.append(sink)
+        self._news.on_event(sink)
 
     def follow(self, to_ns: int) -> None:
         """Bring links (and in virtual time boards) to ``to_ns`` and take in what they report; drivers are not ticked.
@@ -287,7 +167,7 @@ class Devices:
             self._runner.poll()
         for name, link in self.links.items():
             for event in link.events():
-                self._take(name, event)
+                self._news.take(name, event)
             if name in self._permitted and not self.obeys(name):
                 self._forbid(name)
         for reopening in self._reopening:
@@ -302,11 +182,10 @@ class Devices:
         if silent_ns <= link.identity.dead_man * NS_PER_MS:
             return
         silent = f"host silent for {silent_ns / NS_PER_MS:.0f} ms; board made itself safe; arm again"
-        self._fault(f"{name}: {silent}")
+        self._news.fault(f"{name}: {silent}")
         link.stop(now_ns)
         self._forbid(name)
-        for sink in self._event_sinks:
-            sink(name, Disarmed(now_ns, silent))
+        self._news.hand_on(name, Disarmed(now_ns, silent))
 
     def tick(self, now_ns: int) -> None:
         """Tick the drivers.
@@ -374,58 +253,6 @@ class Devices:
         while self.now_ns() < to_ns:
             self.follow(min(self.now_ns() + TICK_NS, to_ns))
             self.tick(self.now_ns())
-
-    def _take(self, name: str, event: Event) -> None:
-        if name == "tactiles" and isinstance(event, FaultReported | Rebooted | Disarmed | Lost):
-            self._heat_booked = False
-        if isinstance(event, Telemetry):
-            self.telemetry[name] = event.message
-            self._read_faults(name, event.message)
-            if name not in self._heard:
-                self._heard.add(name)
-                self._note_found(name, event.message)
-        elif isinstance(event, Ready) and name in self._lost:
-            self._lost.discard(name)
-            self._note(f"{name}: the board is there again; it is disarmed until armed by hand")
-        elif isinstance(event, FoundArmed):
-            self._note(f"{name}: it was still armed by an earlier host when this one came; it was stopped")
-        elif isinstance(event, FaultReported):
-            where = "" if event.channel == NO_CHANNEL else f"channel {event.channel}, "
-            self._fault(f"{name}: {fault_name(event.fault)} ({where}value {event.value})")
-        elif isinstance(event, Rebooted):
-            self._fault(f"{name}: the board rebooted; it stays disarmed until armed by hand")
-        elif isinstance(event, Disarmed):
-            if self._wanted_armed:
-                self._fault(f"{name}: disarmed by itself ({event.reason})")
-        elif isinstance(event, Lost):
-            self._lost.add(name)
-            self._fault(f"{name}: {event.error}")
-        for sink in self._event_sinks:
-            sink(name, event)
-
-    def _note_found(self, name: str, message: Any) -> None:
-        """What a board brings from an earlier host, by the first that it tells."""
-        if message.faults:
-            latched = ", ".join(fault_names(message.faults))
-            self._note(f"{name}: found with a latched fault: {latched}; find out why, then clear it with clear()")
-        held = [f"{volts} V at output {i}" for i, volts in enumerate(getattr(message, "output", ())) if volts >= HELD_V]
-        if held and message.state == State.DRIVING:
-            self._note(f"{name}: found holding {', '.join(held)} for an earlier host")
-
-    def _read_faults(self, name: str, message: Any) -> None:
-        self.latched[name] = tuple(fault_names(message.faults)) if message.faults else ()
-        if message.faults and self._wanted_armed:
-            self._fault(f"{name}: {', '.join(fault_names(message.faults))}")
-
-    def _note(self, text: str) -> None:
-        if text not in self.notes:
-            self.notes.append(text)
-            del self.notes[:-TEXTS_KEPT]
-
-    def _fault(self, text: str) -> None:
-        if text not in self.faults:
-            self.faults.append(text)
-            del self.faults[:-TEXTS_KEPT]
 
     def _forbid(self, name: str) -> None:
         """A board is no longer armed: what was asked of it is forgotten."""
@@ -549,7 +376,7 @@ class Devices:
         :raises InputError: another name.
         """
         for name in names:
-            one_of("name", name, tuple(_PARTS))
+            one_of("name", name, tuple(PARTS))
         self.needed = frozenset(names)
         if self._permitted - self.needed:
             self.begin("retire")
@@ -568,14 +395,14 @@ class Devices:
 
         :return: the stops to watch.
         """
-        self._wanted_armed = False
+        self._news.wanted_armed = False
         pendings = [link.stop(self.now_ns()) for link in self.links.values() if link.error is None]
         self.drop_wishes()
         return pendings
 
     def permit(self) -> None:
         """Every board that is needed is armed: their drivers may ask for energy."""
-        self._wanted_armed = True
+        self._news.wanted_armed = True
         self.times_armed += 1
         self._permitted.update(self.to_arm())
         if self.tactiles is not None and "tactiles" in self._permitted:
@@ -637,13 +464,13 @@ class Devices:
         array = self.tactiles
         if array is not None and any(out := array.pins_out()):
             sites = ", ".join(site for site, is_out in zip(array.sites, out, strict=True) if is_out)
-            self._note(f"tactiles: arming could not withdraw {sites} yet; {'it' if sum(out) == 1 else 'they'} may be out")
+            self._news.note(f"tactiles: arming could not withdraw {sites} yet; {'it' if sum(out) == 1 else 'they'} may be out")
 
     def _take_over_heat(self, array: TactilesDriver) -> None:
-        note = heat.take_over(array.budgets, self._coils, self.telemetry["tactiles"].heat, self.now_ns(), self._heat_booked)
-        self._heat_booked = True
+        note = heat.take_over(array.budgets, self._coils, self.telemetry["tactiles"].heat, self.now_ns(), self._news.heat_booked)
+        self._news.heat_booked = True
         if note is not None:
-            self._note(note)
+            self._news.note(note)
 
     def _last_pulse_ends_ns(self) -> int:
         """On the board."""
@@ -669,5 +496,5 @@ class Devices:
         :return: the plant, or None for hardware and for a board that this glove lacks.
         :raises InputError: a board that no glove has.
         """
-        link = self.links.get(one_of("name", name, tuple(_PARTS)))
+        link = self.links.get(one_of("name", name, tuple(PARTS)))
         return None if link is None else simulated(link.port)

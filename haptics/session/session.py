@@ -7,70 +7,41 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 
 from haptics.devices import Refusal, Result
-from haptics.devices.pace import COMMAND_LEAD_NS
 from haptics.devices.sharing import SCENE
-from haptics.errors import InputError
-from haptics.fidelity import Plan, plan_scene
 from haptics.judging.truth import Truth
-from haptics.physics.brake.charging import rise_time_s
-from haptics.physics.brake.contact import CONTACT
-from haptics.physics.brake.parameters import BRAKE, capacitance_f
-from haptics.physics.latch.pulse import travel_s
 from haptics.rendering.events import LoopEvent
-from haptics.rendering.loop import Leads, RenderLoop
+from haptics.rendering.loop import RenderLoop
 from haptics.rendering.resuming import RESUMES, Resume
 from haptics.rendering.world import World
 from haptics.scene.calibration.hand_calibration import HandCalibration
-from haptics.scene.geometry.pose import Pose
 from haptics.scene.hands.check import ill_formed
 from haptics.scene.hands.frame import HandFrame
 from haptics.scene.hands.joints import SIDES
 from haptics.scene.live_placement import LivePlacement
-from haptics.scene.objects import SceneObject
 from haptics.scene.placed_table import placed_table
 from haptics.scene.scene import Scene
 from haptics.scene.sites import SITES
 from haptics.session.configuration import Configuration
 from haptics.session.devices import Devices
 from haptics.session.glove import Glove
+from haptics.session.leads import device_leads
 from haptics.session.outcomes import Outcomes
 from haptics.session.peer_clock import PeerClock
 from haptics.session.plant_truth import PlantTruth
 from haptics.session.recorder import Recorder
 from haptics.session.sampler import KEPT, Sampler
+from haptics.session.scene_calls import SceneCalls
 from haptics.session.whose_hand import calibration_header, calibration_of, sites_of
 from haptics.time import LATEST_NS, NS_PER_S
 from haptics.units import a_callable, an_instance, known_arguments, one_of, truth, whole_number
 
 
-def device_leads(configuration: Configuration, scene: Scene) -> Leads:
-    """What each device needs ahead of a touch: the command's lead and the device's own time, from its model.
-
-    Half of the steady capacity comes with about 1/√2 of the volts, charged by one supply for all outputs together, and the
-    contact's lag on top (thesis 4.4.3).
-
-    :param configuration: the brake's volts and overlap.
-    :param scene: how many brakes close together.
-    :return: leads, s.
-    """
-    brake = configuration.brake
-    outputs = max(1, len(scene.needs.brakes))
-    total_f = outputs * capacitance_f(brake.overlap_m2, BRAKE.thickness_m, BRAKE.permittivity)
-    charge_s = rise_time_s(brake.amplitude_v, total_f, share=math.sqrt(0.5)) if brake.amplitude_v else 0.0
-    command_s = COMMAND_LEAD_NS / NS_PER_S
-    return Leads(
-        pin_s=command_s + travel_s("off-on"),
-        pin_back_s=command_s + travel_s("on-off"),
-        brake_s=command_s + charge_s + CONTACT.tau_on_s * math.log(2.0),
-    )
-
-
-class Session:
+class Session(SceneCalls):
     """A placed scene on an open glove; armed by its owner.
 
     On a ``haptics.Glove`` in real time the glove's own thread ticks the session from :meth:`begin` on: its owner only hands in
@@ -183,19 +154,6 @@ class Session:
             self._turn = glove.turn
             glove.take_on(self)
 
-    def _check_scene(self, scene: Scene) -> None:
-        brakes = self.devices.brakes
-        driven = dict.fromkeys((*scene.needs.brakes, *scene.needs.piezos, *scene.needs.clutches))
-        if brakes is None and driven:
-            note = f"brake: scene {scene.name!r} drives {', '.join(driven)}, which this glove has not; open it with brake=…"
-            self.devices.notes += [note] * (note not in self.devices.notes)
-        missing = [] if brakes is None else [name for name in driven if name not in brakes.channels]
-        if brakes is not None and missing:
-            raise InputError(
-                f"scene {scene.name!r} drives {', '.join(missing)}, but the glove's outputs are {', '.join(brakes.channels)}; "
-                "name them in channels of [brake] in the configuration"
-            )
-
     def begin(self, start_ns: int | None = None) -> None:
         """Start the scene's own clock (motions, signals).
 
@@ -268,137 +226,6 @@ class Session:
                 self._placing.forget()
             self._called(now_ns, "hand_gone", "" if side is None else side)
 
-    # The scene ------------------------------------------------------------------------------------------------------
-
-    @property
-    def scene(self) -> Scene:
-        """What is rendered now: the scene, without objects that have no place yet."""
-        return self.loop.scene
-
-    def plan(self) -> Plan:
-        """Which devices the scene needs, and which model each simulated one would have; made anew with each scene.
-
-        Boards that are open keep the models that they were opened with.
-
-        :return: the plan.
-        """
-        volts = self.configuration.brake.amplitude_v if self._asked.needs.brakes else None
-        return plan_scene(self._asked, amplitude_v=volts)
-
-    @property
-    def waits_for(self) -> str:
-        """What a person has to do so that all objects are there; empty where they are."""
-        return "" if self._placing is None else self._placing.waits_for
-
-    def place(self, now_ns: int | None = None) -> None:
-        """Place the scene by the hand as it is now, for the first time or anew (recentre).
-
-        Objects with a place in the world of their own stay; those that were carried or moved are back where the scene has them.
-
-        :param now_ns: ns on the glove's clock; now if None.
-        :raises InputError: no hand is there, or it is closed and an object is to be in it.
-        """
-        with self._turn():
-            now_ns = self._time("now_ns", now_ns)
-            if self.loop.frame is None:
-                raise InputError("there is no hand to place the scene by; submit its poses first")
-            self._put_in_place(LivePlacement(self._asked).place(self.loop.frame), now_ns)
-            self._called(now_ns, "place")
-
-    @known_arguments
-    def move_object(
-        self,
-        name: str,
-        position_m: Sequence[float],
-        orientation_xyzw: Sequence[float] = (0.0, 0.0, 0.0, 1.0),
-        now_ns: int | None = None,
-    ) -> None:
-        """The engine puts an object somewhere; as often as it moves. One with ``owner = "engine"`` is foreseen to move so.
-
-        An object of the scene's own that is in a hand stays there.
-
-        :param name: the object's.
-        :param position_m: of its origin in the world, three numbers, m.
-        :param orientation_xyzw: of its axes, a unit quaternion.
-        :param now_ns: ns on the glove's clock; now if None.
-        :raises InputError: no such object, one with a motion of its own, or no pose.
-        """
-        pose = Pose(position_m, orientation_xyzw)  # type: ignore[arg-type]  # checked and made tuples there
-        with self._turn():
-            now_ns = self._time("now_ns", now_ns)
-            self.loop.world.move(name, pose)
-            self._called(now_ns, "move_object", name, pose)
-
-    def add_object(self, item: SceneObject, now_ns: int | None = None) -> None:
-        """Put one more object into the scene; what is felt of the others goes on.
-
-        :param item: with a place in the world.
-        :param now_ns: ns on the glove's clock; now if None.
-        :raises InputError: one of that name is there, or it has no place.
-        """
-        an_instance("item", item, SceneObject, "of haptics.scene.objects")
-        if not item.resolved:
-            raise InputError(f"object {item.name!r} has no place in the world; an object that is added needs one")
-        with self._turn():
-            scene = self.loop.world.scene_now()
-            more = replace(scene, objects=(*scene.objects, item))
-            self._check_scene(more)
-            self._asked = replace(self._asked, objects=(*self._asked.objects, item))
-            now_ns = self._time("now_ns", now_ns)
-            self._change(more, now_ns)
-            self._called(now_ns, "add_object", item.name)
-
-    def remove_object(self, name: str, now_ns: int | None = None) -> None:
-        """Take an object out of the scene; what was felt of it is let go of.
-
-        :param name: the object's.
-        :param now_ns: ns on the glove's clock; now if None.
-        :raises InputError: no such object, or a rule of the scene is about it.
-        """
-        with self._turn():
-            self._asked.object(name)
-            scene = self.loop.world.scene_now()
-            left = replace(scene, objects=tuple(item for item in scene.objects if item.name != name))
-            self._asked = replace(self._asked, objects=tuple(item for item in self._asked.objects if item.name != name))
-            now_ns = self._time("now_ns", now_ns)
-            self._change(left, now_ns)
-            self._called(now_ns, "remove_object", name)
-
-    def change_scene(self, scene: Scene, now_ns: int | None = None) -> None:
-        """Go on with another scene. Objects that are alike in both go on being felt; all else is let go of, and outputs that the
-        new scene has no use for are off.
-
-        :param scene: placed or not.
-        :param now_ns: ns on the glove's clock; now if None.
-        :raises InputError: no scene, or one with brakes that the glove does not have; the old one goes on.
-        """
-        an_instance("scene", scene, Scene, "from haptics.load_scene")
-        self._check_scene(scene)
-        with self._turn():
-            self._asked = scene
-            self._placing = LivePlacement(scene) if scene.unresolved else None
-            now_ns = self._time("now_ns", now_ns)
-            self._change(scene.without_unresolved(), now_ns)
-            self._called(now_ns, "change_scene", scene.origin)
-
-    def _called(self, now_ns: int, call: str, name: str = "", pose: Pose | None = None) -> None:
-        if self.recorder is not None:
-            self.recorder.call(now_ns, call, name, pose)
-
-    def _put_in_place(self, placed: Scene, now_ns: int) -> None:
-        self._placing = None
-        self._change(placed, now_ns)
-        self._happened(LoopEvent(now_ns, "placed", "", "", ", ".join(self._asked.unresolved)))
-
-    def _change(self, scene: Scene, now_ns: int) -> None:
-        self.leads = device_leads(self.configuration, scene)
-        self.loop.change_scene(scene, self.leads, now_ns)
-        if self._follows_needs:
-            self.devices.need(self._asked.needs.boards)
-        for event in self.loop.take_events():
-            self._happened(event)
-        self._happened(LoopEvent(now_ns, "scene", "", "", f"{scene.name}: {', '.join(scene.names) or 'no objects'}"))
-
     def tick(self, now_ns: int | None = None) -> None:
         """One period of the loop: links to a time, effects, drivers, rows.
 
@@ -440,9 +267,6 @@ class Session:
                 self.devices.need(("tactiles", "brake"))
             if isinstance(self.glove, Glove):
                 self.glove.let_go_of(self)
-
-    def _time(self, name: str, value: int | None) -> int:
-        return self.devices.now_ns() if value is None else whole_number(name, value, 0, LATEST_NS)
 
     def _watch_arming(self, now_ns: int) -> None:
         """Devices that were armed anew have forgotten what they did; so does the loop."""

@@ -23,7 +23,11 @@ Kind = Literal["arm", "off", "clear", "retire"]
 
 
 class Until(NamedTuple):
-    """What a procedure waits for, and how long at most."""
+    """What a procedure waits for.
+
+    :param holds: asked at each step.
+    :param timeout_s: it waits no longer, s.
+    """
 
     holds: Callable[[], bool]
     timeout_s: float
