@@ -212,6 +212,13 @@ class Devices:
         a_callable("sink", sink, "a time and a result")
         self._result_sinks.append(sink)
 
+    def no_more_results(self, sink: Callable[[int, Result | Refusal], None]) -> None:
+        """Call a function no more that was given to :meth:`on_result`.
+
+        :param sink: nothing happens if it is not called.
+        """
+        self._result_sinks = [one for one in self._result_sinks if one != sink]
+
     def hand_on_results(self) -> None:
         """Hand on what is known already, before the next tick does."""
         if not self._result_sinks:

@@ -62,6 +62,10 @@ class Rendered(Protocol):
         """Collect what came out last."""
         ...
 
+    def leave(self) -> None:
+        """Another session takes its place."""
+        ...
+
     def plants(self) -> PlantTruth | None:
         """What the simulated plants are now.
 
@@ -330,6 +334,8 @@ class Glove(GloveCalls):
         :param session: on this glove.
         """
         with self.turn(missed_allowed=True):
+            if self._session is not None and self._session is not session:
+                self._session.leave()
             self._session = session
 
     def let_go_of(self, session: Rendered) -> None:

@@ -27,6 +27,7 @@ class GloveCalls:
 
         :param missed_allowed: also while the boards have made themselves safe for want of their host.
         :param ended_allowed: also after the thread that served the glove has ended.
+        :return: a context that gives the devices.
         """
         raise NotImplementedError
 

@@ -146,7 +146,7 @@ class Session(SceneCalls):
             devices.need(scene.needs.boards)
         self._times_armed = devices.times_armed
         self._last_ns = 0
-        self.begun = self._ended = False
+        self.begun = False
         self._sampler = Sampler(devices, recorder, Truth.keeping(kept) if gathered is None else gathered)
         self.truth = self._sampler.truth
         self._turn: Callable[[], AbstractContextManager[object]] = nullcontext
@@ -262,11 +262,16 @@ class Session(SceneCalls):
             now_ns = self.devices.now_ns()
             self.loop.hand_gone(now_ns)
             self._observe(now_ns, last=True)
-            self._ended = True
+            self.leave()
             if self._follows_needs:
                 self.devices.need(("tactiles", "brake"))
             if isinstance(self.glove, Glove):
                 self.glove.let_go_of(self)
+
+    def leave(self) -> None:
+        """Let go of everything, and collect nothing more: the scene is over, or another session takes its place."""
+        self.loop.hand_gone(self.devices.now_ns())
+        self.devices.no_more_results(self._take_result)
 
     def _watch_arming(self, now_ns: int) -> None:
         """Devices that were armed anew have forgotten what they did; so does the loop."""
@@ -301,7 +306,7 @@ class Session(SceneCalls):
     def _take_result(self, now_ns: int, one: Result | Refusal) -> None:
         if isinstance(one, Refusal):
             self._happened(LoopEvent(now_ns, "derated", one.command, "", one.reason))
-        elif one.owner == SCENE and not self._ended:
+        elif one.owner == SCENE:
             (self.brake_results if one.kind in ("brake", "piezo") else self.results).append(one)
             self._hand_on(one)
             self._outcomes.tell(now_ns, one)
