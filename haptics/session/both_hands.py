@@ -15,7 +15,7 @@ from haptics.scene.objects import SceneObject
 from haptics.scene.scene import Scene
 from haptics.session.glove import Glove
 from haptics.session.session import Session
-from haptics.units import a_callable, known_arguments
+from haptics.units import a_callable, an_instance, known_arguments
 
 
 class BothHands:
@@ -32,6 +32,8 @@ class BothHands:
 
     @known_arguments
     def __init__(self, scene: Scene, left: Glove, right: Glove, resume: Resume = "apart"):
+        for name, glove in (("left", left), ("right", right)):
+            an_instance(name, glove, Glove, "from haptics.open")
         if left is right:
             raise InputError("left and right are the same glove; expected two, each with its own boards")
         self.sessions: dict[str, Session] = {}

@@ -19,7 +19,10 @@ from haptics.session.devices import Devices
 from haptics.session.leads import device_leads
 from haptics.session.recorder import Recorder
 from haptics.time import LATEST_NS
-from haptics.units import an_instance, known_arguments, whole_number
+from haptics.units import an_instance, in_range, known_arguments, whole_number
+
+FARTHEST_M = 1000.0
+"""No object is put farther from the world's origin than this, along an axis."""
 
 
 class SceneCalls:
@@ -82,18 +85,23 @@ class SceneCalls:
     ) -> None:
         """The engine puts an object somewhere; as often as it moves. One with ``owner = "engine"`` is foreseen to move so.
 
-        An object of the scene's own that is in a hand stays there.
+        One that waited for a place has it from then on. An object of the scene's own that is in a hand stays there.
 
         :param name: the object's.
-        :param position_m: of its origin in the world, three numbers, m.
+        :param position_m: of its origin in the world, three numbers, -1000 to 1000 m.
         :param orientation_xyzw: of its axes, a unit quaternion.
         :param now_ns: ns on the glove's clock; now if None.
         :raises InputError: no such object, one with a motion of its own, or no pose.
         """
         pose = Pose(position_m, orientation_xyzw)  # type: ignore[arg-type]  # checked and made tuples there
+        for axis, part_m in zip("xyz", pose.position_m, strict=True):
+            in_range(f"position_m along {axis}", part_m, -FARTHEST_M, FARTHEST_M, "m")
         with self._turn():
             now_ns = self._time("now_ns", now_ns)
-            self.loop.world.move(name, pose)
+            if self._placing is not None and name in self._asked.unresolved:
+                self._give_place(name, pose, now_ns)
+            else:
+                self.loop.world.move(name, pose)
             self._called(now_ns, "move_object", name, pose)
 
     def add_object(self, item: SceneObject, now_ns: int | None = None) -> None:
@@ -147,6 +155,13 @@ class SceneCalls:
             now_ns = self._time("now_ns", now_ns)
             self._change(scene.without_unresolved(), now_ns)
             self._called(now_ns, "change_scene", scene.origin)
+
+    def _give_place(self, name: str, pose: Pose, now_ns: int) -> None:
+        """An object that waited for a hand to place it is where the engine says."""
+        self._asked = self._asked.moved(name, pose)
+        scene = self.loop.world.scene_now()
+        self._placing = LivePlacement(self._asked) if self._asked.unresolved else None
+        self._change(replace(scene, objects=(*scene.objects, self._asked.object(name))), now_ns)
 
     def _called(self, now_ns: int, call: str, name: str = "", pose: Pose | None = None) -> None:
         if self.recorder is not None:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from haptics.errors import InputError
+from haptics.units import brief
 
 Array = NDArray[np.float64]
 IDENTITY_XYZW = (0.0, 0.0, 0.0, 1.0)
@@ -143,7 +144,10 @@ def _four(values: Sequence[float]) -> tuple[float, float, float, float]:
 
 
 def _numbers(name: str, values: Sequence[float], count: int) -> tuple[float, ...]:
-    numbers = tuple(float(value) for value in values)
+    try:
+        numbers = tuple(float(value) for value in values)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{name} = {brief(values)}; expected {count} finite numbers") from error
     if len(numbers) != count or not all(math.isfinite(number) for number in numbers):
         raise InputError(f"{name} = {list(numbers)}; expected {count} finite numbers")
     return numbers
