@@ -92,7 +92,7 @@ def replay(
     path: Annotated[Path, typer.Argument(help="recording (*.h5)")],
     json: Annotated[bool, typer.Option("--json", help="print one JSON object")] = False,
 ) -> None:
-    """Play a recording's poses through its scene again and compare the wire bytes with those recorded."""
+    """Play a recording again and compare the bytes on the wire, or a live session's decisions. Exit code 1: they differ."""
     from haptics.session.replay import replay_recording
 
     result = replay_recording(path)

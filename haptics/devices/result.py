@@ -27,7 +27,7 @@ Reason = Literal[
     "bad_value",  # by the board: beyond one of its limits
     "bad_length",  # by the board: not its protocol
 ]
-"""Why a request was denied, or played only in part."""
+"""Why a request was denied, or played only in part. What to do about each: ``docs/how-to/live.md``."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,11 +38,11 @@ class Result:
     :param kind: what was asked for.
     :param played: a board took it; a burst that was cut counts if one cycle of it played.
     :param reason: why it was denied or cut; None if it was played whole.
-    :param requested_ns: when it was asked for, on the glove's clock.
-    :param start_ns: when it begins, or was to; None if it came to no such time.
-    :param owner: who asked for it; empty for what the driver did by itself, such as the withdrawing sweep of an arming.
-    :param retry_ns: where it was denied, from when on the same can be asked for with hope, on the glove's clock; None where no
-        waiting helps.
+    :param requested_ns: when it was asked for, ns on the glove's clock.
+    :param start_ns: when it begins, or was to, likewise; None if it came to no such time.
+    :param owner: who asked for it, ``scene`` or ``program``; empty for what the driver did by itself, such as the withdrawing
+        sweep of an arming.
+    :param retry_ns: where it was denied, from when on the same can be asked for with hope, likewise; None where no waiting helps.
     """
 
     site: str

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from typing import Literal
 
 EventKind = Literal[
-    "touch",
-    "release",
-    "grasp_begin",
+    "touch",  # a site meets an object, by the geometry of hand and object; told ahead of it, when the loop acts for it
+    "release",  # it leaves the object
+    "grasp_begin",  # thumb and index hold an object
     "grasp_end",
     "grasp_ahead",  # brakes closed before the grasp, so that they hold when it comes
     "grasp_withdrawn",  # and opened again, as it did not come
@@ -35,15 +35,16 @@ EventKind = Literal[
 class LoopEvent:
     """Something that a person may want to read later.
 
-    :param time_ns: when the loop did or noticed it.
+    :param time_ns: when the loop did or noticed it, ns on the glove's clock; of ``acted``: when the output begins to act.
     :param kind: what happened.
-    :param subject: the site, side or clutch; empty where there is none.
+    :param subject: the site, brake, side or clutch; empty where there is none.
     :param object: the object's name; empty where there is none.
-    :param detail: numbers and reasons, in words.
-    :param aimed_ns: the touch or grasp that the loop acted for, where there is one.
-    :param late_ns: of ``acted``: from the wanted moment until the device has moved, by its model; negative if ahead of it.
+    :param detail: numbers and reasons, in words; of ``wanted``, ``acted`` and ``denied``: the kind, see ``haptics.ResultKind``.
+    :param aimed_ns: moment of the touch or grasp that the loop acted for, ns on the glove's clock; None where there is none.
+    :param late_ns: of ``acted``: from the wanted moment until the device has moved, by its model, ns; negative if ahead of it.
     :param reason: of ``denied``: see ``haptics.Result``.
-    :param retry_ns: of ``denied``: from when on the same can be asked for with hope; None where no waiting helps.
+    :param retry_ns: of ``denied``: from when on the same can be asked for with hope, ns on the glove's clock; None where no
+        waiting helps.
     """
 
     time_ns: int

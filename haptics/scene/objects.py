@@ -51,7 +51,9 @@ class Motion:
 
 @dataclass(frozen=True)
 class SceneObject:
-    """One object. Until ``resolved``, its body's pose is relative to what ``placement`` names.
+    """One object, as ``load_scene(file).object(name)`` gives it.
+
+    Until ``resolved``, its body's pose is relative to what ``placement`` names.
 
     :param name: unique in its scene.
     :param body: shape and pose.

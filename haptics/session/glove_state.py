@@ -49,7 +49,8 @@ class GloveState:
     :param faults: what went wrong since the glove was opened, in words; a history.
     :param telemetry_age_s: age of each board's last telemetry, s; None if none came.
     :param stale: boards whose telemetry is too old.
-    :param notes: limits that a board holds tighter than configured, coils that started warm.
+    :param notes: what a person should know besides: limits that a board holds tighter than configured, coils that started warm,
+        what was found of an earlier host, a board that is there again.
     """
 
     time_ns: int

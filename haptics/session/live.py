@@ -43,7 +43,8 @@ def live(
     """Render a scene in real time for as long as a ``with`` lasts.
 
     A thread ticks the session each millisecond: submit poses whenever they come, read its ``events`` or subscribe, change the
-    scene. Its ``glove`` arms, goes off, and tells the state. Leaving the ``with``, however that happens, goes off.
+    scene. Its ``glove`` arms, goes off, and tells the state. Leaving the ``with``, however that happens, goes off. A complete
+    engine: ``docs/how-to/live.md``.
 
     :param scene: a shipped name, a file, or what ``load_scene`` gave; placed or not (see ``Session``).
     :param config: see ``haptics.open``.
@@ -55,11 +56,12 @@ def live(
     :param calibration: see ``Session``.
     :param peer: see ``Session``.
     :param resume: see ``Session``.
-    :param record: HDF5 file to record all of it in; ``haptics replay`` plays it again in virtual time.
+    :param record: HDF5 file (``*.h5``) to record all of it in; ``haptics replay`` plays it again in virtual time. None records
+        nothing.
     :param force: overwrite a recording that exists.
     :param seed: of simulated boards, 0 to 2**32 - 1.
-    :return: the session, begun.
-    :raises HapticsError: a scene, file, port or board that cannot be used.
+    :return: a context that gives the session, begun.
+    :raises HapticsError: a scene, file, port or board that cannot be used; a board that would not arm.
     """
     one_of("boards", boards, ("planned", "all"))
     truth("armed", armed)

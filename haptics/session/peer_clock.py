@@ -26,7 +26,7 @@ STEP_NS = 50 * NS_PER_MS
 
 
 class PeerClock:
-    """The clock of whoever sends poses.
+    """The clock of whoever sends poses: exchange times with it before the first pose, and about once a second from then on.
 
     :param slew: how fast the mapping follows the fit, 1e-4 to 0.1 s/s.
     :raises InputError: out of range.

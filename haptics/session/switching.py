@@ -71,7 +71,7 @@ class Switched(Protocol):
 class Procedure:
     """Something that takes some ticks.
 
-    :param kind: ``arm``, ``off`` or ``clear``.
+    :param kind: ``arm``, ``off``, ``clear`` or ``retire``.
     :param steps: what it does; told at each yield whether what it waited for holds, or time ran out.
 
     :ivar done: it has ended.

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 FOLDER = Path(__file__).parents[2] / "docs" / "how-to"
-PAGES = ("calibration", "own-hand", "own-scene", "own-pattern", "board-fault", "recording-stream")
+PAGES = ("calibration", "live", "live-scene", "own-hand", "own-scene", "own-pattern", "board-fault", "recording-stream")
 _FILE = re.compile(r"`([\w-]+\.toml)`")
 
 

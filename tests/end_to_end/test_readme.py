@@ -53,7 +53,7 @@ def test_the_readme_runs_as_pasted(haptics, capsys, tmp_path, monkeypatch):
     assert ran == ["scenes", "run playground --hand synthetic --out playground.h5 --force"]
     run_python(README)
     out = capsys.readouterr().out
-    assert "('index_tip',) 4.0 24." in out
+    assert "('index_tip',) 4.0 23." in out
 
 
 def test_the_readme_is_read_in_minutes():

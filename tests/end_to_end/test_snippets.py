@@ -16,7 +16,7 @@ HAVE: dict[str, dict[str, Any]] = {
     },
 }
 """What a page takes for granted."""
-ELSEWHERE = {"tutorial.md", "calibration.md", "own-hand.md", "own-scene.md", "own-pattern.md"}
+ELSEWHERE = {"tutorial.md", "calibration.md", "live.md", "live-scene.md", "own-hand.md", "own-scene.md", "own-pattern.md"}
 """Pages whose snippets run in order with their commands and files, in tests of their own."""
 WITH_PYTHON = [page for page in PAGES if page.is_relative_to(DOCS) and page.name not in ELSEWHERE and blocks(page, "python")]
 

@@ -14,13 +14,13 @@ import pytest
 import haptics
 
 FACE = [
-    "BASES", "Basis", "BoardName", "BoardState", "BrakeLimits", "BrakeTelemetry", "CalibrationRoutine",
+    "BASES", "Basis", "BoardName", "BothHands", "BoardState", "BrakeLimits", "BrakeTelemetry", "CalibrationRoutine",
     "CalibrationStep", "ClockUncertain", "CommandRefused", "Configuration", "DamagedFile", "DeadManMissed", "EventKind",
     "Glove", "GloveEnded", "GloveIdentity", "GloveState", "GloveTelemetry", "HandCalibration", "HandFrame",
     "HandRecording", "HapticsError", "Identity", "InputError", "JOINTS", "LimitError", "LinkError", "LinkLost",
     "LoopEvent", "NotABoard", "PeerClock", "PlantTruth", "PortBusy", "PortMissing", "Reason", "Recording",
-    "ReplyTimeout", "Result", "ResultKind", "SIDES", "SITES", "Scene", "Session", "Side", "TactilesLimits",
-    "TactilesTelemetry", "WrongFirmware", "__version__", "load_calibration", "load_configuration", "load_hand",
+    "ReplyTimeout", "Result", "ResultKind", "SIDES", "SITES", "Scene", "SceneObject", "Session", "Side", "TactilesLimits",
+    "TactilesTelemetry", "WrongFirmware", "__version__", "live", "load_calibration", "load_configuration", "load_hand",
     "load_recording", "load_scene", "open", "save_calibration", "saved_calibrations", "shipped_hands", "shipped_scenes",
 ]  # fmt: skip
 ADR = Path(__file__).parents[2] / "docs" / "decisions" / "0009-public-face.md"
