@@ -44,6 +44,8 @@ class Grasping:
         scene = world.scene
         self._world, self._scene, self._brake, self._amplitude_v, self._report = world, scene, brake, amplitude_v, report
         self._ramp: Ramp | None = None
+        self._lost = ""  # what was in the hand when that was let go of
+        self._gently = ""  # what is to be held slowly if it is grasped next
         self._fingers = scene.needs.brakes or scene.needs.piezos
         self.names = tuple(item.name for item in scene.objects if item.grasp is not None)
         """The objects that can be grasped."""
@@ -104,12 +106,21 @@ class Grasping:
             self._report(LoopEvent(now_ns, "grasp_withdrawn"))
 
     def resume(self, now_ns: int) -> None:
-        """Hold again what is still in the hand, rising slowly to what it was held with.
+        """Hold again what was, or is, in the hand, rising slowly to what it was held with.
 
         :param now_ns: from when on.
         """
-        if self._brake is not None and self.held is not None and self._effect(self.held).brakes:
-            self._ramp = Ramp(self.held, now_ns)
+        if self.held is not None:
+            self._rise(self.held, now_ns)
+        elif self._lost in self.names:
+            self._tracker.rearm(self._lost)  # the next pose shows whether it still is in the hand
+            self._gently = self._lost
+
+    def _rise(self, name: str, now_ns: int) -> None:
+        if self._brake is not None and self._effect(name).brakes:
+            for finger in self._fingers:
+                self._report(LoopEvent(now_ns, "wanted", finger, name, "brake"))
+            self._ramp = Ramp(name, now_ns)
 
     def _climb(self, ramp: Ramp, now_ns: int) -> None:
         """The next step of a slow rise, of the same object in the same grasp."""
@@ -126,7 +137,8 @@ class Grasping:
         :param now_ns: when it went.
         :param quiet: no device is driven.
         """
-        self._ramp = None
+        self._ramp, self._gently = None, ""
+        self._lost = self.held or ""
         if self._ahead is not None:
             self._ahead.forget()
         for event in self._tracker.let_go(now_ns):
@@ -146,7 +158,10 @@ class Grasping:
         self._report(LoopEvent(now_ns, kind, "", event.object, detail, event.time_ns))
         if self._brake is None or quiet:
             return
-        if event.kind == "begin":
+        gently, self._gently = self._gently, ""
+        if event.kind == "begin" and event.object == gently:
+            self._rise(event.object, now_ns)
+        elif event.kind == "begin":
             if self._ahead is None or not self._ahead.confirm(event.object):
                 self._close(event.object, now_ns, event.time_ns)
         elif effect.brakes:

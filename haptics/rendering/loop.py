@@ -319,6 +319,8 @@ class RenderLoop:
         gently = self._resume_rule == "gentle" and now_ns - self._steady_since_ns >= STEADY_NS
         if touched and not gently:
             waits_for = f"nothing is felt until the hand has left {' and '.join(touched)}"
+            if self._resume_rule == "gentle":
+                waits_for = f"nothing is felt until poses have come for {STEADY_NS / NS_PER_S:g} s"
             if waits_for != self._waits_for:
                 self._waits_for = waits_for
                 self._events.append(LoopEvent(now_ns, "waiting", "", touched[0], waits_for))

@@ -169,6 +169,15 @@ class GraspTracker:
             raise InputError(f"object = {name!r} cannot be grasped; objects that can: {', '.join(self._bodies) or 'none'}")
         return self._bodies[name]
 
+    def rearm(self, name: str) -> None:
+        """Let an object be grasped again at once, wherever the tips are.
+
+        :param name: the object's.
+        :raises InputError: no such object.
+        """
+        self.body(name)
+        self._armed[name] = True
+
     def put(self, name: str, body: Placed) -> None:
         """Put an object elsewhere; one that is held, and carried, stays in the hand.
 

@@ -1,8 +1,9 @@
 """Placing a scene by a hand that is there now, with no recording to look ahead in.
 
-Objects at the palm are placed where it is. An object in the hand is met by thumb and index half-way: they have to be open, and it
-is as wide as ``SPAN_SHARE`` of their distance, so that a stroke that closes them by 50 mm or more meets it
-(``haptics.scene.placement`` places by the stroke itself, where there is a recording).
+Objects at the palm are placed where it is. An object in the hand lies where thumb and index meet when they close: they have to be
+open, and it is as wide as ``SPAN_SHARE`` of their distance. Where there is a recording, ``haptics.scene.placement`` places by the
+stroke itself; here that is guessed from the open hand. In five recorded strokes of four hands the guess, made without the hand
+that it is for, was off by 17 to 32 mm (the middle between the open tips by 25 to 50 mm).
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from collections import deque
 import numpy as np
 
 from haptics.errors import InputError
+from haptics.scene.geometry.pose import Pose
 from haptics.scene.hands.frame import HandFrame
 from haptics.scene.hands.joints import JOINT
 from haptics.scene.placement import InHand, Stroke
@@ -25,7 +27,11 @@ STILL_M = 0.01
 OPEN_M = 0.06
 """Thumb and index this far apart or farther are open (assumed): less leaves no room to close by 50 mm."""
 SPAN_SHARE = 0.6
-"""Assumed; of recorded strokes the object is met at 0.5 to 0.7 of the widest distance."""
+"""Of five recorded strokes the object is met at 0.54 to 0.67 of the widest distance."""
+ALONG = 0.68
+"""Where the tips meet an object, as a share of the way from thumb to index (fitted to the same strokes)."""
+PALMAR_M = 0.025
+"""And so far below it, out of the palm (likewise)."""
 _PALM, _THUMB, _INDEX = JOINT["palm"], JOINT["thumb_tip"], JOINT["index_tip"]
 
 
@@ -92,4 +98,6 @@ def _between(frame: HandFrame) -> InHand:
     span_m = SPAN_SHARE * wide_m
     closing = Stroke(frame.time_ns, frame.time_ns, wide_m, (2.0 * SPAN_SHARE - 1.0) * wide_m)
     axis = (index - thumb) / wide_m
-    return InHand(0.5 * (thumb + index), axis, span_m / 2 - TIP_RADIUS_M, span_m, frame.time_ns, frame.track_id, closing)
+    down = Pose((0.0, 0.0, 0.0), tuple(frame.orientation_xyzw[_PALM].tolist())).rotation @ (0.0, -1.0, 0.0)
+    centre = thumb + ALONG * (index - thumb) + PALMAR_M * down
+    return InHand(centre, axis, span_m / 2 - TIP_RADIUS_M, span_m, frame.time_ns, frame.track_id, closing)

@@ -165,6 +165,8 @@ class Glove(GloveCalls):
         :raises HapticsError: a board is armed; go off first.
         """
         with self.turn(missed_allowed=True) as devices:
+            if devices.doing == "arm":
+                raise HapticsError("the glove is arming; faults are cleared of boards that are off, so call off() first")
             if armed := [name for name, link in devices.links.items() if link.armed]:
                 raise HapticsError(
                     f"{' and '.join(armed)}: armed; faults are cleared of boards that are off, so call off() first"
