@@ -199,13 +199,11 @@ class BrakeDriver:
             return
         self._send(command, mask, duration_ms)
 
-    def end(self, reason: Reason, now_ns: int) -> None:
-        """Zero volts everywhere, and from now on, until it is armed again, nothing is taken.
+    def end(self, reason: Reason) -> None:
+        """From now on, until it is armed again, nothing is taken; what is held goes on until it is released.
 
         :param reason: given in the results of what is refused.
-        :param now_ns: ns on the link's clock.
         """
-        self.release_all(now_ns)
         self._ended = reason
 
     def set_armed(self, armed: bool) -> None:

@@ -299,6 +299,14 @@ class TactilesDriver:
         """
         return tuple(pin.out is not False for pin in self._pins)
 
+    def pins_left_out(self) -> tuple[str, ...]:
+        """Pins that are out, or may be, though nobody wants them out.
+
+        :return: their sites, in the order of channels.
+        """
+        pins = zip(self.sites, self._pins, strict=True)
+        return tuple(site for site, pin in pins if pin.out is not False and not pin.wanted_out)
+
     def rises_k(self, now_ns: int) -> list[float]:
         """How warm the coils can be.
 

@@ -308,9 +308,12 @@ class Devices:
         if under_way is not None and under_way.kind == kind:
             return under_way
         if kind == "off":
-            for procedure in self._procedures:
+            off = self._procedures[0] if self.doing == "off" else None
+            for procedure in [one for one in self._procedures if off is None or one.kind == "arm"]:
                 procedure.cancel(f"{procedure.kind} was given up, as the glove was to go off")
-            self._procedures.clear()
+                self._procedures.remove(procedure)
+            if off is not None:
+                return off
         steps = _STEPS[kind](self)
         procedure = Procedure(kind, steps)
         self._procedures.append(procedure)
@@ -469,9 +472,9 @@ class Devices:
     def note_pins_out(self) -> None:
         """Say which pins arming could not withdraw; that goes on being tried where the coil was only too hot."""
         array = self.tactiles
-        if array is not None and any(out := array.pins_out()):
-            sites = ", ".join(site for site, is_out in zip(array.sites, out, strict=True) if is_out)
-            self._news.note(f"tactiles: arming could not withdraw {sites} yet; {'it' if sum(out) == 1 else 'they'} may be out")
+        if array is not None and (sites := array.pins_left_out()):
+            who = "it" if len(sites) == 1 else "they"
+            self._news.note(f"tactiles: arming could not withdraw {', '.join(sites)} yet; {who} may be out")
 
     def _take_over_heat(self, array: TactilesDriver) -> None:
         note = heat.take_over(array.budgets, self._coils, self.telemetry["tactiles"].heat, self.now_ns(), self._news.heat_booked)

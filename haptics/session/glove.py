@@ -145,10 +145,9 @@ class Glove(GloveCalls):
             self._finish(procedure)
         except BaseException:
             with self.turn(missed_allowed=True, ended_allowed=True) as devices:
-                self._finish(devices.begin("off"))
+                going_off = devices.begin("off")
+            self._finish(going_off)
             raise
-        if self._service is not None:
-            self._service.armed()
 
     def begin_arming(self) -> Procedure:
         """Begin to arm, and do not wait: ``done`` and ``error`` of what is returned tell how it went, as :meth:`arm` does.

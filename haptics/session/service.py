@@ -41,6 +41,7 @@ class Service:
         self._stopping = threading.Event()
         self._error: BaseException | None = None
         self._missed: str | None = None
+        self._missed_when = 0  # how often the boards had been armed by then
         self.faults: list[str] = []
         self._served_ns = awake_ns()
         self._thread = threading.Thread(target=self._run, name="glove", daemon=True)
@@ -54,7 +55,7 @@ class Service:
         """
         if self._error is not None:
             raise GloveEnded(f"{self.faults[0]}; close the glove, and open it again") from self._error
-        if self._missed is not None:
+        if self._missed is not None and self._devices.times_armed == self._missed_when:
             raise DeadManMissed(f"{self._missed}; off() clears that, and nothing plays until the glove is armed again")
 
     @property
@@ -66,10 +67,6 @@ class Service:
     def error(self) -> BaseException | None:
         """What ended it, if anything did."""
         return self._error
-
-    def armed(self) -> None:
-        """The boards were armed again, by a person who was told of what was missed."""
-        self._missed = None
 
     @property
     def serves(self) -> bool:
@@ -115,6 +112,7 @@ class Service:
                 f"{', '.join(missed)}: dead-man, as the host did not serve the glove for {gap_ns / NS_PER_S:.2f} s "
                 "(stopped, suspended or too busy)"
             )
+            self._missed_when = self._devices.times_armed
             self.faults.append(self._missed)
             self._devices.begin("off")
         else:

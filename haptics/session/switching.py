@@ -137,18 +137,23 @@ def arming(devices: Switched) -> Steps:
                 state = devices.state_of(name)
                 seen = "nothing" if state is None else State(state).name.lower()
                 raise LimitError(f"{name}: did not reach the armed state within {ARM_TIMEOUT_S:g} s; it reports {seen}")
-        for name in links:
-            if not devices.obeys(name):
-                raise LimitError(f"{name}: disarmed itself while the other board armed")
+        _check_obey(devices, "while the other board armed")
+        devices.permit()
+        array = devices.tactiles
+        if array is not None and devices.permits("tactiles"):
+            array.withdraw_all(devices.now_ns())
+            yield Until(devices.pins_settled, OFF_TIMEOUT_S)
+            _check_obey(devices, "while pins were withdrawn")
+            devices.note_pins_out()
     except HapticsError:
         yield from going_off(devices)
         raise
-    devices.permit()
-    array = devices.tactiles
-    if array is not None and devices.permits("tactiles"):
-        array.withdraw_all(devices.now_ns())
-        yield Until(devices.pins_settled, OFF_TIMEOUT_S)
-        devices.note_pins_out()
+
+
+def _check_obey(devices: Switched, when: str) -> None:
+    for name in devices.to_arm():
+        if not devices.obeys(name):
+            raise LimitError(f"{name}: disarmed itself {when}")
 
 
 def _stop_what_is_armed(devices: Switched) -> Steps:
@@ -188,7 +193,7 @@ def going_off(devices: Switched) -> Steps:
         if devices.tactiles is not None:
             devices.tactiles.end("ended")
         if devices.brakes is not None:
-            devices.brakes.end("ended", devices.now_ns())
+            devices.brakes.end("ended")
         yield from _withdraw_pins(devices)
         yield from _drop_volts(devices)
     finally:  # also when it is cut short
@@ -206,6 +211,7 @@ def _withdraw_pins(devices: Switched) -> Steps:
 def _drop_volts(devices: Switched) -> Steps:
     brakes = devices.brakes
     if brakes is not None and devices.obeys("brake"):
+        brakes.release_all(devices.now_ns())
         yield Until(lambda: brakes.idle, OFF_TIMEOUT_S)
 
 
@@ -222,7 +228,7 @@ def retiring(devices: Switched) -> Steps:
         yield from _withdraw_pins(devices)
         devices.retire("tactiles")
     if brakes is not None and "brake" not in needed and devices.permits("brake"):
-        brakes.end("ended", devices.now_ns())
+        brakes.end("ended")
         yield from _drop_volts(devices)
         devices.retire("brake")
 
@@ -233,7 +239,8 @@ def clearing(devices: Switched) -> Steps:
     :param devices: of the glove.
     :return: its steps.
     """
-    pendings = {name: link.send("disarm", now_ns=devices.now_ns()) for name, link in devices.links.items() if link.ready}
+    at_rest = {name: link for name, link in devices.links.items() if link.ready and not link.armed}
+    pendings = {name: link.send("disarm", now_ns=devices.now_ns()) for name, link in at_rest.items()}
     yield Until(lambda: all(pending.done for pending in pendings.values()), OFF_TIMEOUT_S)
     for name, pending in pendings.items():
         if pending.ok:

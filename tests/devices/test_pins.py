@@ -108,8 +108,17 @@ def test_a_pin_whose_release_was_refused_is_out_and_what_is_not_wanted_is_not_tr
     assert glove.state().pins_out == latched(glove) == ()
 
 
+def test_a_pin_whose_contact_was_refused_is_in(glove):
+    glove.arm()
+    refuse(glove, "bad_value")
+    glove.contact("index_tip")
+    glove.advance(0.1)
+    assert [one.reason for one in glove.results()] == ["bad_value"]
+    assert glove.state().pins_out == latched(glove) == ()
+
+
 def test_a_release_that_would_be_tried_again_is_not_once_the_board_was_off(glove):
-    """A hot coil's release is tried again after 250 ms; the next arming, sooner than that, moves nothing by itself."""
+    """A hot coil's release is tried again after 250 ms; the next arming, sooner than that, withdraws pins once and for all."""
     glove.arm()
     glove.contact("index_tip")
     glove.advance(0.1)
@@ -123,18 +132,35 @@ def test_a_release_that_would_be_tried_again_is_not_once_the_board_was_off(glove
     for link in glove.devices.links.values():
         link.stop(glove.devices.now_ns())
     glove.devices.follow(glove.devices.now_ns() + 20 * MS)
-    energy_j = sum(glove.devices.plant("tactiles").truth()["energy_j"])
+    assert array.idle
     glove.arm()
+    assert latched(glove) == ()
+    energy_j = sum(glove.devices.plant("tactiles").truth()["energy_j"])
     glove.advance(0.4)
     assert sum(glove.devices.plant("tactiles").truth()["energy_j"]) == energy_j
-    glove.release("index_tip")
+
+
+def test_a_pin_that_arming_could_not_bring_in_is_brought_in_before_its_next_pulse(glove, told):
+    refuse(glove, "bad_value")  # the first stroke of arming
+    glove.arm()
+    assert glove.state().pins_out == ("thumb_tip", "index_tip", "middle_tip")  # as many as the current allows at once
+    assert glove.state().notes == ("tactiles: arming could not withdraw thumb_tip, index_tip, middle_tip yet; they may be out",)
+    told.results()
+    glove.pulse("index_tip", count=3, rate_hz=20)
+    glove.advance(0.3)
+    said = [(one.kind, one.played, one.owner) for one in told.results()]
+    assert said == [("release", True, ""), *[("pulse", True, "program")] * 3]
+    assert glove.state().pins_out == ("thumb_tip", "middle_tip")
+    glove.release("thumb_tip")
+    glove.release("middle_tip")
     glove.advance(0.1)
-    assert latched(glove) == ()
+    assert glove.state().pins_out == latched(glove) == ()
 
 
 def test_a_stroke_whose_answer_is_waited_for_no_longer_is_in_doubt(glove):
     """The board disarmed itself before it said what became of the stroke."""
     glove.arm()
+    glove.advance(0.1)  # what arming did is sure
     link = glove.devices.links["tactiles"]
     send = link.send
     link.send = lambda name, *values, now_ns: Pending(name) if name == "pulse" else send(name, *values, now_ns=now_ns)
@@ -162,7 +188,7 @@ def test_a_contact_that_waits_is_given_up_with_its_release_and_no_coil_is_heated
     assert latched(glove) == ()
 
 
-def test_contacts_and_releases_in_turns_every_5_ms_on_all_channels_play_both(glove):
+def test_contacts_and_releases_in_turns_every_5_ms_on_all_channels_play_both(glove, told):
     """100 Hz on fifteen coils, of which three may be on: far more than can play. No release waits longer than its bound."""
     glove.arm()
     asked_ns: dict[str, int] = {}
@@ -176,7 +202,7 @@ def test_contacts_and_releases_in_turns_every_5_ms_on_all_channels_play_both(glo
             else:
                 glove.contact(site)
         glove.advance(0.005)
-        for one in glove.results():
+        for one in told.results():
             played[one.kind] += one.played
             if one.kind == "release":
                 assert one.played

@@ -53,7 +53,9 @@ def test_the_readme_runs_as_pasted(haptics, capsys, tmp_path, monkeypatch):
     assert ran == ["scenes", "run playground --hand synthetic --out playground.h5 --force"]
     run_python(README)
     out = capsys.readouterr().out
-    assert "('index_tip',) 4.0 23." in out
+    left_k = 25 - (0.010 + 10 * 0.006) * (25 / 1.28) * (79 / 97)  # a stroke of arming, ten pulses of 6 ms
+    (printed,) = re.findall(r"\('index_tip',\) 4\.0 (\S+)", out)
+    assert float(printed) == pytest.approx(left_k, abs=0.01)
 
 
 def test_the_readme_is_read_in_minutes():

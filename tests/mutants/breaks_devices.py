@@ -5,6 +5,7 @@ from __future__ import annotations
 from mutant import in_file
 
 _BRAKE = "tests/devices/test_brake_driver.py"
+_SHARING = "tests/devices/test_sharing.py"
 _ARRAY = "tests/devices/test_tactiles_driver.py"
 _PINS = "tests/devices/test_pins.py -k 'not whatever_was_asked'"
 _UNARMED = "tests/session/test_permission.py -k 'asked_for_unarmed and py]'"
@@ -15,22 +16,23 @@ DEVICES = [
         "haptics/devices/brake.py",
         _BRAKE,
         (
-            "a hold does not end with its time",
-            "a brake stays on though the script asked for a moment",
-            "self._holds = {i: h for i, h in self._holds.items() if h.until_ns is None or h.until_ns > now_ns}",
-            "self._holds = dict(self._holds)",
-        ),
-        (
             "takes volts beyond the glove's limit",
             "a typing mistake becomes 5 kV asked for",
-            'in_range("amplitude_v", amplitude_v, 0.0, self.max_amplitude_v, "V")',
-            'in_range("amplitude_v", amplitude_v, 0.0, 1e9, "V")',
+            'amplitude_v = in_range("amplitude_v", amplitude_v, 0.0, self.max_amplitude_v, "V")',
+            'amplitude_v = in_range("amplitude_v", amplitude_v, 0.0, 1e9, "V")',
         ),
         (
             "releasing one output leaves it on",
             "a finger is held that was let go",
-            "if self._holds.pop(index, None) is not None:",
-            "if self._holds.get(index, None) is not None:",
+            "            del self._holds[index]\n",
+            "",
+        ),
+        (
+            "takes new wishes while it goes off",
+            "volts rise on a glove that is going off",
+            "        if self._ended is not None:\n            self.refuse(",
+            "        if self._ended == '':\n            self.refuse(",
+            _SHARING,
         ),
         (
             "releasing all leaves the volts until they run out",
@@ -65,14 +67,14 @@ DEVICES = [
         (
             "takes wishes while unarmed",
             "volts of before the arming come with it",
-            '        if not self._armed:\n            self._answered(_Command("drive"',
-            '        if self._armed is None:\n            self._answered(_Command("drive"',
+            '        if not self._armed:\n            self.refuse(name, "unarmed"',
+            '        if self._armed is None:\n            self.refuse(name, "unarmed"',
             _UNARMED,
         ),
         (
             "keeps its wishes when it is disarmed",
             "800 V come back with the next arming, and nobody asked",
-            "        self._holds.clear()\n        self._changed, self._next_end_ns = False, None\n",
+            "        self._holds.clear()\n        self._changed = False\n",
             "",
             _PERMISSION,
         ),
@@ -121,6 +123,13 @@ DEVICES = [
             "            if pin.heading is not False and site == '':\n                self.release(site, now_ns)",
         ),
         (
+            "a pin that is wanted out counts as left out",
+            "a touch is told as a pin that is stuck",
+            "pin.out is not False and not pin.wanted_out)",
+            "pin.out is not False)",
+            "tests/session/test_switching.py",
+        ),
+        (
             "an end leaves trains to come",
             "pulses of before the off come after it",
             "        self._deny_later(reason)\n        for outcome in self._scheduler.stop(reason):",
@@ -144,8 +153,8 @@ DEVICES = [
         (
             "being disarmed does not reach the scheduler",
             "the host goes on scheduling for a board that is off",
-            "        self._armed = armed\n        self._scheduler.set_armed(armed)",
-            "        self._armed = True\n        self._scheduler.set_armed(True)",
+            "        self._armed, self._ended = armed, None\n        self._scheduler.set_armed(armed)",
+            "        self._armed, self._ended = True, None\n        self._scheduler.set_armed(True)",
             f"{_ARRAY} tests/session/test_glove_safety.py",
         ),
         (
@@ -158,8 +167,8 @@ DEVICES = [
         (
             "a train needs no arming",
             "pulses of before the arming come with it",
-            "        if not self._armed:\n            self._results += [Result(",
-            "        if self._armed is None:\n            self._results += [Result(",
+            "        if not self._armed:\n            for _ in range(count):",
+            "        if self._armed is None:\n            for _ in range(count):",
         ),
     ),
     *in_file(
@@ -190,6 +199,64 @@ DEVICES = [
             'for token in self._answered(pulse, "unknown")]',
             "for token in self._answered(pulse, None)]",
             _PINS,
+        ),
+    ),
+    *in_file(
+        "haptics/devices/sharing.py",
+        _SHARING,
+        (
+            "what was asked for a moment stays for ever",
+            "a brake stays on though the script asked for a moment",
+            "return now_ns >= (self.lease.until_ns if self.until_ns is None else self.until_ns)",
+            "return self.until_ns is None and now_ns >= self.lease.until_ns",
+        ),
+        (
+            "a share that nobody renews keeps what it has",
+            "a client hangs, and what it held stays held",
+            "return now_ns >= (self.lease.until_ns if self.until_ns is None else self.until_ns)",
+            "return self.until_ns is not None and now_ns >= self.until_ns",
+        ),
+        (
+            "one owner's release takes a pin from all",
+            "the hand leaves a ball, and what a program shows is gone",
+            "        return not wishes\n",
+            "        return True\n",
+        ),
+        (
+            "one owner's release takes a brake from all",
+            "the hand leaves a ball, and what a program holds lets go",
+            "        first = self._first(name)\n        if first is None:",
+            "        first = None\n        if first is None:",
+        ),
+        (
+            "the last one to ask has a brake",
+            "a scene overrules the person at the keyboard",
+            "        if first is wish:",
+            "        if first is not None:",
+        ),
+        (
+            "of equals the weaker one has a brake",
+            "a hand passes through what it holds",
+            "key=lambda wish: (wish.priority, wish.amplitude_v)",
+            "key=lambda wish: (wish.priority, -wish.amplitude_v)",
+        ),
+        (
+            "wishes outlive a disarm",
+            "a pin stays out after the next arming though its owner let go",
+            "        for wishes in self._wishes.values():\n            wishes.clear()\n\n\nclass TactilesShare:",
+            "\n\nclass TactilesShare:",
+        ),
+        (
+            "volts outlive a disarm",
+            "800 V come back after the next arming as somebody else lets go",
+            "        self._given.clear()\n        for wishes in self._wishes.values():\n            wishes.clear()\n",
+            "        self._given.clear()\n",
+        ),
+        (
+            "keeps wishes for a board that is off",
+            "a pin that nobody brought out is held out after the next arming",
+            "        if self.driver.armed:\n            self._wishes[site]",
+            "        if True:\n            self._wishes[site]",
         ),
     ),
     *in_file(

@@ -13,14 +13,14 @@ RENDERING = [
         (
             "goes on without poses",
             "a hand that nobody sees is held for ever",
-            "now_ns - self._heard_ns > LOST_NS:",
-            "now_ns - self._heard_ns > 100 * LOST_NS:",
+            "not self._quiet and now_ns - self._heard_ns > LOST_NS:",
+            "not self._quiet and now_ns - self._heard_ns > 100 * LOST_NS:",
         ),
         (
             "comes back at once when poses come again",
             "a hand is grabbed that still reaches into something",
-            "        if not touching:\n            self._quiet = False",
-            "        if touching is not None:\n            self._quiet = False",
+            "        if touched and not gently:",
+            "        if touched is None:",
         ),
         (
             "a hand that is gone keeps its brakes",
@@ -32,7 +32,7 @@ RENDERING = [
             "a hand that is gone keeps its pins",
             "pins rest on a skin that touches nothing",
             "        self._apply([], self._forget(now_ns), now_ns)\n        if self.tactiles is not None:\n"
-            "            self.tactiles.withdraw_all(now_ns)\n",
+            "            self.tactiles.release_all(now_ns)\n",
             "        self._forget(now_ns)\n",
         ),
         (
@@ -53,12 +53,6 @@ RENDERING = [
             "        self._forget(now_ns)\n        self._heard_ns, self._absent = None, True",
             "        self._heard_ns, self._absent = None, True",
         ),
-        (
-            "pins that an off left out stay out",
-            "a pin rests on a skin that touches nothing",
-            "                self.tactiles.release(site, now_ns)\n            self._left_out.clear()",
-            "                pass\n            self._left_out.clear()",
-        ),
     ),
     *in_file(
         "haptics/rendering/grasping.py",
@@ -66,8 +60,8 @@ RENDERING = [
         (
             "a grasp closes with any volts",
             "a scene's file decides over the wearer's limit",
-            "volts = min(effect.amplitude_v, self._amplitude_v)\n",
-            "volts = effect.amplitude_v\n",
+            "volts = share * min(effect.amplitude_v, self._amplitude_v)\n",
+            "volts = share * effect.amplitude_v\n",
         ),
     ),
     *in_file(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from mutant import in_file
 
 _GLOVE = "tests/session/test_glove_safety.py"
+_SWITCHING = "tests/session/test_switching.py"
 _PERMISSION = "tests/session/test_permission.py -k 'py]'"
 _CONFIGURATION = "tests/session/test_configuration.py"
 _HEAT = "tests/session/test_heat.py -k 'not -c] and not -avr] and not c- and not avr-'"
@@ -15,10 +16,11 @@ SESSION = [
         "haptics/session/devices.py",
         _GLOVE,
         (
-            "arms what is left when one board would not",
-            "half a glove is armed, and the script has ended",
+            "an arming that is interrupted leaves boards armed",
+            "a Ctrl-C leaves half a glove armed",
             "        except BaseException:\n            self.off()\n            raise",
             "        except BaseException:\n            raise",
+            _SWITCHING,
         ),
         (
             "off does not stop the boards",
@@ -27,65 +29,23 @@ SESSION = [
             "pendings = []",
         ),
         (
-            "off leaves the pins out",
-            "a glove is off with its pins in the skin",
-            "            self.tactiles.withdraw_all(self.now_ns())\n            self._wait",
-            "            self._wait",
-            "tests/devices/test_tactiles_driver.py",
-        ),
-        (
-            "off does not wait for the pins",
-            "a stop cuts the strokes that withdraw them",
-            "            self._wait(self._pins_settled, OFF_TIMEOUT_S)\n",
-            "",
-            "tests/devices/test_tactiles_driver.py",
-        ),
-        (
-            "off drops volts before pins are in",
-            "a finger moves away from a pin that is still out",
-            "            self._withdraw_pins()\n            self._drop_volts()",
-            "            self._drop_volts()\n            self._withdraw_pins()",
-            _PERMISSION,
-        ),
-        (
-            "an old fault keeps off from withdrawing pins",
-            "after one fault no off ever withdraws pins again",
-            'if "tactiles" in self._permitted and self._obeys("tactiles"):',
-            'if "tactiles" in self._permitted and self._obeys("tactiles") and not self.faults:',
-            _PERMISSION,
-        ),
-        (
-            "off is broken off with whoever waits for it",
-            "a second Ctrl-C leaves volts on",
-            "        finally:  # also when the one who waits is interrupted\n            self._wanted_armed = False",
-            "        finally:\n            pass\n        if True:\n            self._wanted_armed = False",
-            _GLOVE,
-        ),
-        (
             "an off leaves wishes to the next arming",
             "800 V come back with the next arming, and nobody asked",
             "        self._permitted.clear()\n        if self.tactiles is not None:",
             "        self._permitted.clear()\n        if self.tactiles is not None and self._opened is None:",
         ),
         (
-            "an arming leaves armed boards as they are",
-            "volts of before go on under the new arming",
-            "            self._stop_what_is_armed()\n",
-            "",
-            _PERMISSION,
-        ),
-        (
             "the host goes on scheduling after the board disarmed",
             "what is asked of a board that is off waits for the next arming",
-            "            if name in self._permitted and not self._obeys(name):\n                self._forbid(name)",
-            "            if name in self._permitted and not self._obeys(name):\n                pass",
+            "            if name in self._permitted and not self.obeys(name):\n                self._forbid(name)",
+            "            if name in self._permitted and not self.obeys(name):\n                pass",
             f"{_GLOVE} {_PERMISSION}",
         ),
         (
             "a fault of the brake leaves its wishes",
             "volts come back with the next arming, and nobody asked",
-            '        elif name == "brake" and self.brakes is not None:',
-            '        elif name == "" and self.brakes is not None:',
+            '        elif name == "brake":\n            self._set_brakes(False)',
+            '        elif name == "":\n            self._set_brakes(False)',
             _PERMISSION,
         ),
         (
@@ -102,22 +62,17 @@ SESSION = [
             "tests/session/test_permission.py -k 'missed and py]'",
         ),
         (
-            "takes a board that tests itself for armed",
-            "the first drives are refused, and nobody knows why",
-            "if not self._wait(lambda name=name: self._state_of(name) in _ARMED, ARM_TIMEOUT_S):",
-            "if not self._wait(lambda name=name: self._state_of(name) is not None, ARM_TIMEOUT_S):",
-        ),
-        (
-            "a board that disarms while another arms goes unnoticed",
-            "half a glove is armed, and the script goes on",
-            "                if not self._obeys(name):\n                    raise LimitError",
-            "                if name == '':\n                    raise LimitError",
+            "who goes off a second time ends the first",
+            "two threads go off, and one is told that it failed",
+            "            if off is not None:\n                return off\n",
+            "",
+            _SWITCHING,
         ),
         (
             "heat of before is not taken over",
             "five hosts one after the other: 65 K in one run",
             "            self._take_over_heat(self.tactiles)\n",
-            "",
+            "            pass\n",
             _HEAT,
         ),
         (
@@ -154,6 +109,98 @@ SESSION = [
             "            return stricter(board, wanted, identity.limits)",
             "            return tuple(identity.limits)",
             _HEAT,
+        ),
+    ),
+    *in_file(
+        "haptics/session/switching.py",
+        _GLOVE,
+        (
+            "arms what is left when one board would not",
+            "half a glove is armed, and the script has ended",
+            "        yield from going_off(devices)\n        raise",
+            "        raise",
+            _SWITCHING,
+        ),
+        (
+            "an arming leaves armed boards as they are",
+            "volts of before go on under the new arming",
+            "        yield from _stop_what_is_armed(devices)\n",
+            "",
+            _PERMISSION,
+        ),
+        (
+            "takes a board that tests itself for armed",
+            "the first drives are refused, and nobody knows why",
+            "(yield Until(lambda name=name: devices.state_of(name) in ARMED_STATES, ARM_TIMEOUT_S))",
+            "(yield Until(lambda name=name: devices.state_of(name) is not None, ARM_TIMEOUT_S))",
+        ),
+        (
+            "a board that disarms while another arms goes unnoticed",
+            "half a glove is armed, and the script goes on",
+            "        if not devices.obeys(name):\n            raise LimitError",
+            "        if name == '':\n            raise LimitError",
+        ),
+        (
+            "a board that disarms while pins are withdrawn goes unnoticed",
+            "half a glove is armed, and the script goes on",
+            '            _check_obey(devices, "while pins were withdrawn")\n',
+            "",
+            f"{_GLOVE} {_SWITCHING}",
+        ),
+        (
+            "arming leaves pins out",
+            "a pin that an earlier host left out rests on a skin that touches nothing",
+            "            array.withdraw_all(devices.now_ns())\n            yield",
+            "            yield",
+            _SWITCHING,
+        ),
+        (
+            "off leaves the pins out",
+            "a glove is off with its pins in the skin",
+            "        array.withdraw_all(devices.now_ns())\n        yield",
+            "        yield",
+            "tests/devices/test_tactiles_driver.py",
+        ),
+        (
+            "off does not wait for the pins",
+            "a stop cuts the strokes that withdraw them",
+            "        array.withdraw_all(devices.now_ns())\n        yield Until(devices.pins_settled, OFF_TIMEOUT_S)",
+            "        array.withdraw_all(devices.now_ns())\n        yield Until(devices.pins_settled, 0.0)",
+            "tests/devices/test_tactiles_driver.py",
+        ),
+        (
+            "off drops volts before pins are in",
+            "a finger moves away from a pin that is still out",
+            "        yield from _withdraw_pins(devices)\n        yield from _drop_volts(devices)",
+            "        yield from _drop_volts(devices)\n        yield from _withdraw_pins(devices)",
+            _PERMISSION,
+        ),
+        (
+            "an old fault keeps off from withdrawing pins",
+            "after one fault no off ever withdraws pins again",
+            'devices.permits("tactiles") and devices.obeys("tactiles"):',
+            'devices.permits("tactiles") and devices.obeys("tactiles") and not devices.faults:',
+            _PERMISSION,
+        ),
+        (
+            "off is broken off with whoever waits for it",
+            "a second Ctrl-C leaves volts on",
+            "    finally:  # also when it is cut short\n        pendings = devices.stop_all()",
+            "    except ValueError:\n        raise\n    pendings = devices.stop_all()",
+        ),
+        (
+            "clearing disarms what is armed",
+            "an arming succeeds, and the glove is off",
+            "if link.ready and not link.armed}",
+            "if link.ready}",
+            _SWITCHING,
+        ),
+        (
+            "an off that is asked for does not end an arming",
+            "who wants the glove off waits until it is armed",
+            "            self.done, self.error = True, HapticsError(why)\n            self._steps.close()",
+            "            pass",
+            _SWITCHING,
         ),
     ),
     *in_file(
@@ -225,9 +272,16 @@ SESSION = [
         (
             "closing does not go off",
             "a script that raised leaves volts on",
-            "            self._all_off()\n            self._settle()",
+            "            self._off_at_last()\n            self._settle()",
             "            self._settle()",
             _GLOVE,
+        ),
+        (
+            "who waits for an arming keeps everybody else waiting",
+            "a hand goes on moving, and nothing is let go of",
+            "        while self._service is not None and self._service.serves and not procedure.done:",
+            "        while self._service is None:",
+            _SWITCHING,
         ),
         (
             "leaving by an exception closes nothing",
@@ -247,6 +301,22 @@ SESSION = [
             "a thread died, and the script goes on believing",
             "                service.check()\n",
             "                pass\n",
+        ),
+    ),
+    *in_file(
+        "haptics/session/service.py",
+        _OPEN,
+        (
+            "a dead-man that was missed is held against the glove for ever",
+            "an engine arms again, and every call is still refused",
+            "if self._missed is not None and self._devices.times_armed == self._missed_when:",
+            "if self._missed is not None:",
+        ),
+        (
+            "a dead-man that was missed is passed over",
+            "a script that hung believes in touches of a glove that is off",
+            "if self._missed is not None and self._devices.times_armed == self._missed_when:",
+            "if self._missed == '':",
         ),
     ),
 ]

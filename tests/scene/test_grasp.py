@@ -171,13 +171,23 @@ def test_wrong_tips_times_objects_and_rules_are_refused():
 
 
 def test_an_object_can_be_put_elsewhere_unless_it_is_held():
-    tracker = GraspTracker(ball())
-    tracker.move("ball", Pose((1.0, 0.0, 0.0)))
+    tracker, here = GraspTracker(ball()), ball()["ball"]
+    away = here.at(Pose((1.0, 0.0, 0.0)))
+    tracker.put("ball", away)
     assert tracker.update(0, *tips(0.07)) == []
-    tracker.move("ball", Pose())
+    tracker.put("ball", here)
     assert tracker.update(1, *tips(0.07))
-    tracker.move("ball", Pose((1.0, 0.0, 0.0)))
+    tracker.put("ball", away)
     assert tracker.body("ball").pose == Pose()
+
+
+def test_an_object_that_somebody_else_moves_is_where_they_put_it_held_or_not():
+    tracker, there = GraspTracker(ball(), others=["ball"]), ball()["ball"].at(Pose((0.001, 0.0, 0.0)))
+    assert tracker.update(0, *tips(0.07))
+    tracker.put("ball", there)
+    tracker.update(10**7, *tips(0.07, middle=(0.0, 0.02, 0.0)))
+    assert tracker.held == "ball"
+    assert tracker.body("ball").pose == there.pose
 
 
 @pytest.mark.parametrize("name", ["playground", "workplace"])

@@ -100,8 +100,10 @@ def test_what_was_asked_before_a_board_was_off_does_not_play_once_it_is_armed_ag
     for link in glove.links.values():
         link.send("disarm", now_ns=glove.now_ns())  # as a person does who has looked
     glove.run(30)
-    energy_j = glove.energy_j()
+    glove.tactiles.take_results()
     glove.arm()
+    assert {result.kind for result in glove.tactiles.take_results() if result.played} <= {"release"}  # pins that may be out
+    energy_j = glove.energy_j()
     glove.run(1200)
     assert glove.energy_j() == energy_j
     assert glove.volts() < 1.0
@@ -203,7 +205,10 @@ def test_arming_waits_until_the_brakes_have_been_tested():
     for after_ms in range(0, 20, 2):
         glove = Worn()
         try:
-            glove.run(after_ms)
+            glove.arm()
+            glove.run(100)
+            glove.off()  # every pin is known to be in: none has to be withdrawn meanwhile
+            glove.run(40 + after_ms)
             glove.arm()
             assert glove.plant("brake").truth()["state"] == State.ARMED
         finally:

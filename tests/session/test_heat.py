@@ -16,6 +16,10 @@ _names = itertools.count()
 CORNERS = [f"tau_s={tau}&c_k_per_w={c}&resistance_ohm={ohm}" for tau in (97, 107) for c in (59, 79) for ohm in (1.28, 1.48)]
 
 
+SWEPT_K = 0.010 * (25 / 1.28) * (79 / 97)
+"""What arming a cold glove costs each coil at most: one stroke of 10 ms, on the coil of tolerance that warms most."""
+
+
 def hottest(glove) -> float:
     """The plants' truth: the warmest actuator now."""
     return max(glove.devices.plant("tactiles").truth()["rise_k"])
@@ -214,7 +218,7 @@ def test_five_hosts_one_after_the_other_on_one_board_pass_no_limit(world, core, 
     assert max(peaks) <= 25.0
     assert denied > 0
     assert max(peaks) > 20.0  # it was the account that held them
-    assert believed[0] == 0.0
+    assert believed[0] == pytest.approx(SWEPT_K, rel=0.01)
     assert min(believed[2:]) > 20.0
 
 
@@ -228,18 +232,22 @@ def test_a_board_that_lost_its_account_starts_at_its_limit_and_the_host_says_so(
         glove.advance(0.5)
         disarm(glove)
         glove.arm()
-        (note,) = glove.state().notes
+        notes = glove.state().notes
+        (note,) = [note for note in notes if "start warm" in note]
         assert note.startswith(
             "tactiles: 15 coils start warm (up to 42 K, from the board's account): denied until cooled, up to "
         )
         wait_s = float(note.split()[-2])
-        glove.pulse("palm_outer")
+        glove.contact("palm_outer")
         glove.advance(0.1)
         assert [result.reason for result in glove.results()] == ["heat"]
+        glove.release("palm_outer")
         glove.off()
         glove.arm()
-        assert len(glove.state().notes) == 1  # said once
+        assert glove.state().notes == notes  # each said once
+        assert len(glove.state().pins_out) == 15  # releases wait, too
         glove.advance(wait_s + 1.0)
+        assert glove.state().pins_out == ()
         glove.contact("palm_outer")
         glove.advance(0.1)
         glove.release("palm_outer")
@@ -280,7 +288,7 @@ def test_what_a_stuck_driver_took_is_in_the_account_when_armed_again():
 def test_a_cold_board_starts_a_host_at_nothing():
     with haptics.open(tactiles="sim://tactiles", clock="virtual") as glove:
         glove.arm()
-        assert set(glove.state().rise_k.values()) == {0.0}
+        assert list(glove.state().rise_k.values()) == pytest.approx([SWEPT_K] * 15, rel=0.01)
         assert glove.state().notes == ()
 
 

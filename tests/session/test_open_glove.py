@@ -82,20 +82,26 @@ def test_a_thread_that_dies_goes_off_and_every_later_call_names_the_cause(real, 
     assert not any(port.is_open for port in ports(real))
 
 
-def test_a_host_that_hung_past_the_dead_man_says_so_at_once_and_in_the_next_call(real, monkeypatch):
+@pytest.mark.parametrize(
+    "armed_again", [Glove.arm, lambda glove: glove.devices.finish(glove.begin_arming())], ids=["arm", "begun"]
+)
+def test_a_host_that_hung_past_the_dead_man_says_so_at_once_and_in_the_next_call(real, monkeypatch, armed_again):
     real.arm()
+    awake_ns = service_module.awake_ns
     with real._lock:  # the thread waits while time goes on, as in a process that was stopped
-        late_ns = service_module.awake_ns() + 1_500_000_000
-        monkeypatch.setattr(service_module, "awake_ns", lambda: late_ns)
+        monkeypatch.setattr(service_module, "awake_ns", lambda: awake_ns() + 1_500_000_000)
         real._service.serve()
-        state = real.state()
-        assert any("tactiles, brake: dead-man, as the host did not serve the glove for 1." in fault for fault in state.faults)
-        assert state.armed == ()
+        assert any(
+            "tactiles, brake: dead-man, as the host did not serve the glove for 1." in fault for fault in real.state().faults
+        )
+        assert real.devices.doing == "off"
+        real.devices.finish(real.devices.begin("off"))
+        assert real.state().armed == ()
         for name in ("contact", "release", "pulse", "brake"):
             with pytest.raises(DeadManMissed, match="until the glove is armed again"):
                 CALLS[name](real)
         real.results()
-        real.arm()
+        armed_again(real)
         real.contact("index_tip")
 
 
@@ -282,7 +288,7 @@ def test_off_clears_a_latched_dead_man_so_that_the_glove_can_be_armed_again():
             link.advance(late_ns)
         clock.advance_to(late_ns)
         glove.advance(0.05)
-        with pytest.raises(HapticsError, match=r"latched: dead_man; .*off\(\) of an open glove"):
+        with pytest.raises(HapticsError, match=r"latched: dead_man; .*clear\(\) of an open glove"):
             glove.arm()
         glove.off()
         glove.arm()
