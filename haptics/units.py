@@ -142,7 +142,10 @@ def known_arguments(function: Callable[_Arguments, _Result]) -> Callable[_Argume
     def checked(*args: _Arguments.args, **kwargs: _Arguments.kwargs) -> _Result:
         for name in kwargs:
             if name not in known:
-                raise UnknownArgument(function.__qualname__.removesuffix(".__init__"), name, known)
+                *owner, called = function.__qualname__.removesuffix(".__init__").split(".")
+                if owner and args:  # of the class that the caller knows, not the one that it has the method from
+                    owner = [type(args[0]).__name__]
+                raise UnknownArgument(".".join((*owner, called)), name, known)
         return function(*args, **kwargs)
 
     return checked

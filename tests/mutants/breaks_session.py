@@ -49,12 +49,6 @@ SESSION = [
             _PERMISSION,
         ),
         (
-            "a board that disarmed by itself is no fault",
-            "nobody is told that the glove is dead",
-            '            if self._wanted_armed:\n                self._fault(f"{name}: disarmed',
-            '            if False:\n                self._fault(f"{name}: disarmed',
-        ),
-        (
             "a missed dead-man is passed over",
             "a host that hung believes in volts that are gone",
             "if silent_ns <= link.identity.dead_man * NS_PER_MS:",
@@ -75,11 +69,25 @@ SESSION = [
             "            pass\n",
             _HEAT,
         ),
+    ),
+    *in_file(
+        "haptics/session/board_news.py",
+        _GLOVE,
+        (
+            "a board that disarmed by itself is no fault",
+            "nobody is told that the glove is dead",
+            '            if self.wanted_armed:\n                self.fault(f"{name}: disarmed',
+            '            if False:\n                self.fault(f"{name}: disarmed',
+        ),
+    ),
+    *in_file(
+        "haptics/session/opening.py",
+        _GLOVE,
         (
             "the rise limit of the file does not reach the accounts",
             "a person who asked for 10 K gets 25",
-            "limits_k = [min(part.rise_limit_k, coil.limit_k(on_time_ms / 1000)) for coil in self._coils]",
-            "limits_k = [min(25.0, coil.limit_k(2.5)) for coil in self._coils]",
+            "limits_k = [min(part.rise_limit_k, coil.limit_k(on_time_ms / 1000)) for coil in coils]",
+            "limits_k = [min(25.0, coil.limit_k(2.5)) for coil in coils]",
             _CONFIGURATION,
         ),
         (
@@ -92,8 +100,8 @@ SESSION = [
         (
             "the scheduler goes beyond the account of a stricter board",
             "a lab's own limit is met by refusals, and pins stay out",
-            "limits_k = [min(part.rise_limit_k, coil.limit_k(on_time_ms / 1000)) for coil in self._coils]",
-            "limits_k = [part.rise_limit_k for coil in self._coils]",
+            "limits_k = [min(part.rise_limit_k, coil.limit_k(on_time_ms / 1000)) for coil in coils]",
+            "limits_k = [part.rise_limit_k for coil in coils]",
             _HEAT,
         ),
         (

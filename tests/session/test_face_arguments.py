@@ -121,7 +121,7 @@ def test_every_argument_of_the_packages_face_is_checked(call, arguments, argumen
 
 @pytest.mark.parametrize("url", ["spy:///dev/ttyACM0", "alt://x", "cp2110://1", "SPY://x?file=y"])
 def test_no_port_is_opened_where_one_of_them_is_not_allowed(url, monkeypatch):
-    monkeypatch.setattr("haptics.session.devices.open_port", lambda *_: pytest.fail("a port was opened"))
+    monkeypatch.setattr("haptics.session.opening.open_port", lambda *_: pytest.fail("a port was opened"))
     assert refused(haptics.open, tactiles="sim://tactiles", brake=url).startswith("brake = ")
     parts = haptics.load_configuration(None)
     swapped = parts.brake.model_copy(update={"port": url})

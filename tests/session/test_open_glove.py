@@ -7,7 +7,7 @@ import threading
 import pytest
 
 from haptics.errors import DeadManMissed, GloveEnded, HapticsError
-from haptics.session import devices as devices_module, service as service_module
+from haptics.session import opening as opening_module, service as service_module
 from haptics.session.glove import Glove, open as open_glove
 
 TACTILES, BRAKE = "sim://tactiles?spread=0", "sim://brake?spread=0"
@@ -242,8 +242,8 @@ def test_what_a_brake_controller_refuses_is_among_the_results():
 
 def test_a_thread_that_cannot_be_started_leaves_no_port_open(monkeypatch):
     made = []
-    opening = devices_module.open_port
-    monkeypatch.setattr(devices_module, "open_port", lambda *a: made.append(opening(*a)) or made[-1])
+    opening = opening_module.open_port
+    monkeypatch.setattr(opening_module, "open_port", lambda *a: made.append(opening(*a)) or made[-1])
 
     def no_more(self):
         raise RuntimeError("can't start new thread")
