@@ -144,7 +144,7 @@ def known_arguments(function: Callable[_Arguments, _Result]) -> Callable[_Argume
             if name not in known:
                 *owner, called = function.__qualname__.removesuffix(".__init__").split(".")
                 if owner and args:  # of the class that the caller knows, not the one that it has the method from
-                    owner = [type(args[0]).__name__]
+                    owner = [(args[0] if isinstance(args[0], type) else type(args[0])).__name__]
                 raise UnknownArgument(".".join((*owner, called)), name, known)
         return function(*args, **kwargs)
 

@@ -44,10 +44,11 @@ class Outcomes:
         :param result: of this owner.
         """
         key = (result.site, result.kind)
-        wanted = self._wanted.pop(key, None)
+        wanted = self._wanted.get(key)
         name = "" if wanted is None else wanted.object
         if result.played and result.start_ns is not None:
             self._denied.pop(key, None)
+            self._wanted.pop(key, None)
             if result.kind in TOLD_ALWAYS and wanted is not None:
                 moved_ns = result.start_ns + self._moves_ns.get(result.kind, 0)
                 aimed_ns = wanted.aimed_ns

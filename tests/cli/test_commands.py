@@ -258,9 +258,11 @@ def test_a_session_of_ones_own_is_pictured_like_a_run(command, refused, strict_j
     assert strict_json(said) == {"files": [str(picture)]}
     assert picture.read_bytes().startswith(b"\x89PNG")
     assert "exists and is not overwritten" in refused("recording", "view", out, "--picture", picture)
-    assert "recording view" in refused("replay", out)
+    code, said, _ = command("replay", out, "--json")
+    assert (code, strict_json(said)["identical"], strict_json(said)["first_difference"]) == (0, True, None)
     assert "nothing to write; give --picture FILE.png, --rrd FILE.rrd or both" in refused("recording", "view", out)
     assert f"--picture = {out} is the file read as the recording" in refused("recording", "view", out, "--picture", out)
     with haptics.open(tactiles="sim://tactiles", clock="virtual", record=tmp_path / "bare.h5") as glove:
         glove.advance(0.01)
+    assert "it holds 0 sessions" in refused("replay", tmp_path / "bare.h5")
     assert command("recording", "view", tmp_path / "bare.h5", "--picture", tmp_path / "bare.png")[0] == 0
