@@ -77,6 +77,11 @@ def replay_recording(path: str | Path) -> Replay | LiveReplay:
     if recording.streams["wire"].dtype != _WIRE.dtype:
         raise InputError(f"{path} cannot be replayed: its stream wire has other fields than `haptics run` records")
     _check_header(path, header)
+    if header["realtime"]:
+        raise InputError(
+            f"{path} cannot be replayed: it was made in real time, and without the moments of the loop's ticks, which recordings "
+            "hold since this version"
+        )
     options = RunOptions(
         port_tactiles=header["ports"]["tactiles"],
         port_brake=header["ports"]["brake"],
