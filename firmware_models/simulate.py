@@ -31,7 +31,8 @@ _LONGEST_WAIT_S = 0.1
 class Trace:
     """JSON lines, one whenever what is energised, the state or the faults change.
 
-    ``time_ns`` is monotonic time; ``host_byte_ns`` is when the host's last byte so far was in, or null before the first.
+    ``time_ns`` is monotonic time; ``host_byte_ns`` is when the host's last byte so far was in, or null before the first. Of an
+    array, ``pins_out`` are the channels whose pin is out then.
     """
 
     def __init__(self, file: TextIO):
@@ -45,9 +46,14 @@ class Trace:
         if seen != self._last:
             heard_ns = cable.to_board.busy_until_ns
             times = {"time_ns": board.now_ns, "host_byte_ns": heard_ns if heard_ns > 0 else None}
-            self._file.write(json.dumps({**times, **seen}) + "\n")
+            self._file.write(json.dumps({**times, **seen, **_pins_out(board.truth())}) + "\n")
             self._file.flush()
             self._last = seen
+
+
+def _pins_out(truth: dict[str, Any]) -> dict[str, list[int]]:
+    """Nothing for a board without pins."""
+    return {"pins_out": [i for i, pin in enumerate(truth["latched"]) if pin == "on"]} if "latched" in truth else {}
 
 
 class PseudoTerminal:

@@ -44,8 +44,7 @@ class Grasping:
         scene = world.scene
         self._world, self._scene, self._brake, self._amplitude_v, self._report = world, scene, brake, amplitude_v, report
         self._ramp: Ramp | None = None
-        self._lost = ""  # what was in the hand when that was let go of
-        self._gently = ""  # what is to be held slowly if it is grasped next
+        self._resumes = False  # what the next pose holds is held gently
         self._fingers = scene.needs.brakes or scene.needs.piezos
         self.names = tuple(item.name for item in scene.objects if item.grasp is not None)
         """The objects that can be grasped."""
@@ -82,6 +81,7 @@ class Grasping:
             self._tracker.put(name, self._world.body(name))
         for event in self._tracker.update(time_ns, thumb, index):
             self._changed(event, now_ns, quiet)
+        self._resumes = False
         held = self._tracker.held
         if held is not None and held not in self._world.engines:
             self._world.put(held, self._tracker.body(held))
@@ -106,20 +106,18 @@ class Grasping:
             self._report(LoopEvent(now_ns, "grasp_withdrawn"))
 
     def resume(self, now_ns: int) -> None:
-        """Hold again what was, or is, in the hand, rising slowly to what it was held with.
+        """Hold what is in the hand at the pose that is taken next, rising slowly to what a grasp is held with.
 
         :param now_ns: from when on.
         """
+        self._tracker.rearm()
+        self._resumes = True
         if self.held is not None:
             self._rise(self.held, now_ns)
-        elif self._lost in self.names:
-            self._tracker.rearm(self._lost)  # the next pose shows whether it still is in the hand
-            self._gently = self._lost
 
     def _rise(self, name: str, now_ns: int) -> None:
         if self._brake is not None and self._effect(name).brakes:
-            for finger in self._fingers:
-                self._report(LoopEvent(now_ns, "wanted", finger, name, "brake"))
+            self._want(name, "brake", now_ns, None)
             self._ramp = Ramp(name, now_ns)
 
     def _climb(self, ramp: Ramp, now_ns: int) -> None:
@@ -137,8 +135,7 @@ class Grasping:
         :param now_ns: when it went.
         :param quiet: no device is driven.
         """
-        self._ramp, self._gently = None, ""
-        self._lost = self.held or ""
+        self._ramp = None
         if self._ahead is not None:
             self._ahead.forget()
         for event in self._tracker.let_go(now_ns):
@@ -158,11 +155,10 @@ class Grasping:
         self._report(LoopEvent(now_ns, kind, "", event.object, detail, event.time_ns))
         if self._brake is None or quiet:
             return
-        gently, self._gently = self._gently, ""
-        if event.kind == "begin" and event.object == gently:
-            self._rise(event.object, now_ns)
-        elif event.kind == "begin":
-            if self._ahead is None or not self._ahead.confirm(event.object):
+        if event.kind == "begin":
+            if self._resumes:
+                self._rise(event.object, now_ns)
+            elif self._ahead is None or not self._ahead.confirm(event.object):
                 self._close(event.object, now_ns, event.time_ns)
         elif effect.brakes:
             self._open(now_ns)
@@ -172,12 +168,15 @@ class Grasping:
         effect = self._effect(name)
         piezo = effect.piezo and effect.piezo_s > 0
         for kind in [kind for kind, wanted in (("brake", effect.brakes), ("piezo", piezo)) if wanted]:
-            for finger in self._fingers:
-                self._report(LoopEvent(now_ns, "wanted", finger, name, kind, aimed_ns))
+            self._want(name, kind, now_ns, aimed_ns)
         if effect.brakes:
             self._engage(effect, 1.0, now_ns)
         if piezo:
             self._brake.piezo(self._fingers, effect.piezo_s, now_ns)
+
+    def _want(self, name: str, kind: str, now_ns: int, aimed_ns: int | None) -> None:
+        for finger in self._fingers:
+            self._report(LoopEvent(now_ns, "wanted", finger, name, kind, aimed_ns))
 
     def _engage(self, effect: GraspEffect, share: float, now_ns: int) -> None:
         assert self._brake is not None

@@ -279,6 +279,8 @@ class PatternBank:
         :return: (time_ns, site index, object), in order of time.
         """
         playing = [(name, player) for name, player in self._players if player.playing]
+        if not playing:
+            return []
         return sorted((time_ns, site, name) for name, player in playing for time_ns, site in player.due(now_ns, until_ns))
 
     def take_missed(self) -> list[int]:

@@ -158,6 +158,10 @@ class GraspTracker:
         """
         return self._armed.get(name, False)
 
+    def rearm(self) -> None:
+        """Let a grasp of any object begin, though no tip has left its band: a grasp that ended for want of poses goes on."""
+        self._armed = dict.fromkeys(self._bodies, True)
+
     def body(self, name: str) -> Placed:
         """A graspable object where it is now, which for a grasped one is where the ray has carried it.
 
@@ -168,15 +172,6 @@ class GraspTracker:
         if name not in self._bodies:
             raise InputError(f"object = {name!r} cannot be grasped; objects that can: {', '.join(self._bodies) or 'none'}")
         return self._bodies[name]
-
-    def rearm(self, name: str) -> None:
-        """Let an object be grasped again at once, wherever the tips are.
-
-        :param name: the object's.
-        :raises InputError: no such object.
-        """
-        self.body(name)
-        self._armed[name] = True
 
     def put(self, name: str, body: Placed) -> None:
         """Put an object elsewhere; one that is held, and carried, stays in the hand.

@@ -35,6 +35,7 @@ class SceneCalls:
     _asked: Scene
     _placing: LivePlacement | None
     _follows_needs: bool
+    _last_ns: int
     _turn: Callable[[], AbstractContextManager[object]]
 
     def _happened(self, event: LoopEvent) -> None:
@@ -69,7 +70,7 @@ class SceneCalls:
         :raises InputError: no hand is there, or it is closed and an object is to be in it.
         """
         with self._turn():
-            now_ns = self._time("now_ns", now_ns)
+            now_ns = self._came_ns(now_ns)
             if self.loop.frame is None:
                 raise InputError("there is no hand to place the scene by; submit its poses first")
             self._put_in_place(LivePlacement(self._asked).place(self.loop.frame), now_ns)
@@ -97,7 +98,7 @@ class SceneCalls:
         for axis, part_m in zip("xyz", pose.position_m, strict=True):
             in_range(f"position_m along {axis}", part_m, -FARTHEST_M, FARTHEST_M, "m")
         with self._turn():
-            now_ns = self._time("now_ns", now_ns)
+            now_ns = self._came_ns(now_ns)
             if self._placing is not None and name in self._asked.unresolved:
                 self._give_place(name, pose, now_ns)
             else:
@@ -119,7 +120,7 @@ class SceneCalls:
             more = replace(scene, objects=(*scene.objects, item))
             self._check_scene(more)
             self._asked = replace(self._asked, objects=(*self._asked.objects, item))
-            now_ns = self._time("now_ns", now_ns)
+            now_ns = self._came_ns(now_ns)
             self._change(more, now_ns)
             self._called(now_ns, "add_object", item.name)
 
@@ -135,7 +136,7 @@ class SceneCalls:
             scene = self.loop.world.scene_now()
             left = replace(scene, objects=tuple(item for item in scene.objects if item.name != name))
             self._asked = replace(self._asked, objects=tuple(item for item in self._asked.objects if item.name != name))
-            now_ns = self._time("now_ns", now_ns)
+            now_ns = self._came_ns(now_ns)
             self._change(left, now_ns)
             self._called(now_ns, "remove_object", name)
 
@@ -152,7 +153,7 @@ class SceneCalls:
         with self._turn():
             self._asked = scene
             self._placing = LivePlacement(scene) if scene.unresolved else None
-            now_ns = self._time("now_ns", now_ns)
+            now_ns = self._came_ns(now_ns)
             self._change(scene.without_unresolved(), now_ns)
             self._called(now_ns, "change_scene", scene.origin)
 
@@ -196,3 +197,7 @@ class SceneCalls:
 
     def _time(self, name: str, value: int | None) -> int:
         return self.devices.now_ns() if value is None else whole_number(name, value, 0, LATEST_NS)
+
+    def _came_ns(self, now_ns: int | None) -> int:
+        """When something came in: after the last tick, even where that was at the same moment, so that a replay has the order."""
+        return max(self._time("now_ns", now_ns), self._last_ns + 1)

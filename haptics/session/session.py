@@ -186,7 +186,7 @@ class Session(SceneCalls):
         """
         an_instance("frame", frame, HandFrame, "such as HandFrame.from_joints makes")
         with self._turn():
-            now_ns = self._time("now_ns", now_ns)
+            now_ns = self._came_ns(now_ns)
             self._watch_arming(now_ns)
             if self._peer is not None and ill_formed(frame) is None:
                 if not self._peer.known:
@@ -220,7 +220,7 @@ class Session(SceneCalls):
         if side is not None:
             one_of("side", side, SIDES)
         with self._turn():
-            now_ns = self._time("now_ns", now_ns)
+            now_ns = self._came_ns(now_ns)
             self.loop.hand_gone(now_ns, side)
             if self._placing is not None:
                 self._placing.forget()

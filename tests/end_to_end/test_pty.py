@@ -5,17 +5,17 @@ Judged by the board's own time stamps, so that a busy machine makes these tests 
 
 from __future__ import annotations
 
-import json
 import random
 import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
+from pty_board import COMMAND, PATIENCE_S, PtyBoard, wait_until
 
 import haptics as product
 from haptics.errors import CommandRefused
@@ -28,10 +28,8 @@ pytestmark = [
     pytest.mark.timeout(180),
 ]
 
-COMMAND = [sys.executable, "-m", "haptics.cli.main"]
 DEAD_MAN_NS = 100_000_000
 DISCHARGE_NS = 5_000_000  # what the controller allows itself before it calls its bridge stuck
-PATIENCE_S = 60.0
 TRIES = 5
 """A machine that is busy for longer than the dead-man makes a board safe before its host is killed; that is no trial."""
 BRAKING = """
@@ -46,31 +44,16 @@ with haptics.open(brake=sys.argv[1]) as glove:
 """
 
 
-def wait_until(condition: Callable[[], Any]) -> None:
-    deadline = time.monotonic() + PATIENCE_S
-    while not condition():
-        assert time.monotonic() < deadline, "nothing happened for a minute"
-        time.sleep(0.002)
-
-
 def driving(line: dict[str, Any]) -> bool:
     """Volts that a host asked for; those of the self test are none."""
     return bool(line["energised"]) and line["state"] == "DRIVING"
 
 
-class Board:
+class Board(PtyBoard):
     """A brake controller behind a pseudo-terminal, and the trace of what it did."""
 
     def __init__(self, folder: Path):
-        self.folder, self.port, self.trace = folder, folder / "port", folder / "trace.jsonl"
-        settings = ["--link", str(self.port), "--trace", str(self.trace), "--for-s", "1700"]
-        self.process = subprocess.Popen([*COMMAND, "link", "simulate", "brake", *settings], stdout=subprocess.DEVNULL)
-        wait_until(lambda: self.port.is_symlink() or self.process.poll() is not None)
-
-    def lines(self, since: int = 0) -> list[dict[str, Any]]:
-        """The trace's whole lines from number ``since`` on."""
-        text = self.trace.read_text().splitlines(keepends=True) if self.trace.exists() else []
-        return [json.loads(line) for line in text if line.endswith("\n")][since:]
+        super().__init__(folder, "brake")
 
     def kill_braking_host(self, command: list[str], delay_s: float) -> list[dict[str, Any]]:
         """Start a host, kill it ``delay_s`` after its first volts; returns the trace from its start until the board is off.
@@ -90,10 +73,6 @@ class Board:
         wait_until(lambda: self.process.poll() is not None or (self.lines()[-1]["state"] in ("FAULT", "DISARMED")))
         wait_until(lambda: self.process.poll() is not None or not self.lines()[-1]["energised"])
         return self.lines(begin) if driving(last) else []
-
-    def end(self) -> None:
-        self.process.send_signal(signal.SIGTERM)
-        self.process.wait(30)
 
 
 @pytest.fixture
