@@ -98,7 +98,7 @@ def simulate(
     link: Annotated[Path | None, typer.Option("--link", help="symbolic link to make to the pseudo-terminal")] = None,
     for_s: Annotated[float | None, typer.Option("--for-s", help="end after so many seconds [default: when interrupted]")] = None,
     trace: Annotated[Path | None, typer.Option("--trace", help="write changes of what is energised here, as JSON lines")] = None,
-    force: Annotated[bool, typer.Option("--force", help="overwrite the trace")] = False,
+    force: Annotated[bool, typer.Option("--force", help="overwrite the trace, and a symbolic link that exists")] = False,
 ) -> None:
     """Serve a simulated board behind a pseudo-terminal, in real time, for any serial program. Prints the port's path."""
     try:
@@ -131,9 +131,12 @@ def simulate(
         os.set_blocking(master, False)
         path = os.ttyname(slave)
         if link is not None:
-            if link.exists() or link.is_symlink():
-                raise InputError(f"--link = {link} exists; choose another path or remove it")
+            if link.is_symlink() and not force:  # as one that was killed leaves it
+                raise InputError(f"--link = {link} exists; choose another path or overwrite it (--force)")
+            if link.exists() and not link.is_symlink():
+                raise InputError(f"--link = {link} exists; choose another path, as it is no symbolic link")
             try:
+                link.unlink(missing_ok=True)
                 link.symlink_to(path)
             except OSError as error:
                 raise InputError(f"--link = {link} cannot be made: {error.strerror}; choose another place") from error

@@ -215,7 +215,7 @@ class PortErrors:
             seen, advice = f"the peer takes no bytes ({error})", "is the board running? unplug it and plug it in again"
             raise LinkLost(self._url, seen, self._doing, advice) from error
         if isinstance(error, (*_port_errors, TypeError)):  # TypeError: pyserial, when a port is closed under a call
-            seen, advice = f"the port went away ({error or type(error).__name__})", "check the cable, then connect again"
+            seen, advice = f"the port went away ({error or type(error).__name__})", "check the cable, and plug it in again"
             raise LinkLost(self._url, seen, self._doing, advice) from error
 
 

@@ -73,13 +73,14 @@ class World:
         self.scene.object(name).check_movable()
         self._bodies[name] = self._bodies[name].at(pose)
 
-    def scene_now(self) -> Scene:
-        """The scene with every object where it is now; one with a path of its own where that begins.
+    def scene_now(self, scene: Scene) -> Scene:
+        """A scene with every object where it is now; one with a path of its own where that begins.
 
-        :return: another scene; that of this world stays as it is.
+        :param scene: that one of the loops renders, which may be a change behind another one's.
+        :return: another scene; the one given stays as it is.
         """
-        scene = self.scene
         for item in scene.objects:
-            if item.motion is None and self._bodies[item.name] is not item.body:
-                scene = scene.moved(item.name, self._bodies[item.name].pose)
+            body = self._bodies.get(item.name, item.body)
+            if item.motion is None and body is not item.body:
+                scene = scene.moved(item.name, body.pose)
         return scene

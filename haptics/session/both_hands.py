@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from typing import Any
 
 from haptics.devices import Result
@@ -25,7 +26,7 @@ class BothHands:
     :param left: open glove of the left hand.
     :param right: open glove of the right hand.
     :param resume: see ``Session``.
-    :raises InputError: see ``Session``; the same glove twice.
+    :raises InputError: see ``Session``; the same glove twice; one that is configured for the other side.
 
     :ivar sessions: of each hand, by side; their results and events are there.
     """
@@ -36,6 +37,11 @@ class BothHands:
             an_instance(name, glove, Glove, "from haptics.open")
         if left is right:
             raise InputError("left and right are the same glove; expected two, each with its own boards")
+        for side, glove in zip(SIDES, (left, right), strict=True):
+            if glove.configuration.side not in ("auto", side):
+                seen = f"is configured with side = {glove.configuration.side!r}"
+                raise InputError(f"{side}: this glove {seen}; give it as that hand's, or configure {side!r} or 'auto'")
+        self._gloves = (left, right)
         self.sessions: dict[str, Session] = {}
         for side, glove in zip(SIDES, (left, right), strict=True):
             configuration = glove.configuration.model_copy(update={"side": side})
@@ -126,11 +132,16 @@ class BothHands:
 
     def end(self) -> None:
         """The scene is over: let go of everything. The gloves stay armed."""
-        self._each(lambda session: session.end())
+        for session in self.sessions.values():
+            session.end()
 
     def _each(self, call: Callable[[Session], Any]) -> None:
-        for session in self.sessions.values():
-            call(session)
+        """Change both; neither thread renders meanwhile, as it would meet objects that are only half there."""
+        with ExitStack() as turns:
+            for glove in self._gloves:
+                turns.enter_context(glove.turn())
+            for session in self.sessions.values():
+                call(session)
 
     def _of(self, side: object) -> tuple[Session, Session]:
         """The session of a hand, and of the other one."""

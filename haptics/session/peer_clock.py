@@ -50,18 +50,23 @@ class PeerClock:
         :param replied_ns: when the peer answered, likewise.
         :param arrived_ns: when we had the answer, ns on the glove's clock.
         :return: whether it agrees with the exchanges before. One that does not tells of a clock that jumped: they are forgotten.
-        :raises InputError: no times.
+            One that contradicts itself (answered before it was asked, or in longer than the round trip took) is dropped.
+        :raises InputError: no times, or an answer that was here before the question was sent.
         """
         sent_ns = whole_number("sent_ns", sent_ns, -LATEST_NS, LATEST_NS)
         received_ns = whole_number("received_ns", received_ns, -LATEST_NS, LATEST_NS)
         replied_ns = whole_number("replied_ns", replied_ns, -LATEST_NS, LATEST_NS)
         arrived_ns = whole_number("arrived_ns", arrived_ns, -LATEST_NS, LATEST_NS)
+        if arrived_ns < sent_ns:
+            raise InputError(f"arrived_ns = {arrived_ns} lies before sent_ns = {sent_ns}; both are on the glove's clock")
+        if replied_ns < received_ns:
+            return False
         if self._origin_ns is None:
             self._origin_ns = received_ns
         if self._add(sent_ns, received_ns, replied_ns, arrived_ns):
             return True
-        if replied_ns < received_ns or arrived_ns - sent_ns < replied_ns - received_ns:
-            return False  # it contradicts itself
+        if arrived_ns - sent_ns < replied_ns - received_ns:
+            return False
         self.jumps += 1
         self._model, self._origin_ns = ClockModel(TOLERANCE, DRIFT), received_ns
         self._add(sent_ns, received_ns, replied_ns, arrived_ns)

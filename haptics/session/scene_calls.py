@@ -99,6 +99,7 @@ class SceneCalls:
             in_range(f"position_m along {axis}", part_m, -FARTHEST_M, FARTHEST_M, "m")
         with self._turn():
             now_ns = self._came_ns(now_ns)
+            self._asked.object(name)
             if self._placing is not None and name in self._asked.unresolved:
                 self._give_place(name, pose, now_ns)
             else:
@@ -114,9 +115,9 @@ class SceneCalls:
         """
         an_instance("item", item, SceneObject, "of haptics.scene.objects")
         if not item.resolved:
-            raise InputError(f"object {item.name!r} has no place in the world; an object that is added needs one")
+            raise InputError(f"object {item.name!r} has no place in the world; one that is added needs placement = 'world'")
         with self._turn():
-            scene = self.loop.world.scene_now()
+            scene = self.loop.world.scene_now(self.loop.scene)
             more = replace(scene, objects=(*scene.objects, item))
             self._check_scene(more)
             self._asked = replace(self._asked, objects=(*self._asked.objects, item))
@@ -133,7 +134,7 @@ class SceneCalls:
         """
         with self._turn():
             self._asked.object(name)
-            scene = self.loop.world.scene_now()
+            scene = self.loop.world.scene_now(self.loop.scene)
             left = replace(scene, objects=tuple(item for item in scene.objects if item.name != name))
             self._asked = replace(self._asked, objects=tuple(item for item in self._asked.objects if item.name != name))
             now_ns = self._came_ns(now_ns)
@@ -160,7 +161,7 @@ class SceneCalls:
     def _give_place(self, name: str, pose: Pose, now_ns: int) -> None:
         """An object that waited for a hand to place it is where the engine says."""
         self._asked = self._asked.moved(name, pose)
-        scene = self.loop.world.scene_now()
+        scene = self.loop.world.scene_now(self.loop.scene)
         self._placing = LivePlacement(self._asked) if self._asked.unresolved else None
         self._change(replace(scene, objects=(*scene.objects, self._asked.object(name))), now_ns)
 

@@ -116,13 +116,17 @@ class Procedure:
 def arming(devices: Switched) -> Steps:
     """Arm every board; the brake controller tests itself first. Then every pin that may be out is withdrawn.
 
-    A board that is armed already is stopped first, so that it drops what it was asked for.
+    A board that is armed already is stopped first, so that it drops what it was asked for. Before that its pins are withdrawn:
+    where the other board would not arm, it is not armed either, and could not do so any more.
 
     :param devices: of the glove.
     :return: its steps.
     :raises CommandRefused: a board would not arm; everything is off then.
     :raises LimitError: a board did not reach its armed state, or left it while another armed.
     """
+    if devices.tactiles is not None:
+        devices.tactiles.end("ended")
+    yield from _withdraw_pins(devices)
     devices.drop_wishes()
     try:
         yield from _stop_what_is_armed(devices)

@@ -48,7 +48,7 @@ def test_info_names_what_was_made_inferred_refused_and_lost(answer, tmp_path):
     assert told["notes"][0].startswith("unit: cm was inferred")
     assert told["losses"][0] == "1 of 26 joints was made rather than read: palm"
     lost, jumped = (pose["reason"] for pose in told["refused"])
-    assert lost == "objects[4]: no position of thumb_tip; missing, or lost by the tracker"
+    assert lost == "objects[4]: no position of thumb_tip; missing, called otherwise, or lost"
     assert jumped.startswith("wrist jumped at ")
     assert told["hands"][0]["refused"] == 2
 

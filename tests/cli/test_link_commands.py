@@ -92,7 +92,7 @@ def test_an_unplugged_cable_ends_a_monitor_with_1_and_says_what_to_do(command, s
     code, out, err = command("link", "monitor", "--port", f"{VIRTUAL}&faults=unplug_s=0.5", "--for-s", 2, "--json")
     assert code == 1
     assert "the board is unplugged" in err
-    assert "check the cable, then connect again" in err
+    assert "check the cable, and plug it in again" in err
     seen = strict_json(out)
     assert seen["state"] == "lost"
     assert seen["elapsed_s"] < 0.5

@@ -120,3 +120,23 @@ def test_bad_arguments_are_refused(tmp_path) -> None:
         with pytest.raises(InputError, match=f"--{name} = {taken} exists; choose another"):
             simulate("tactiles", for_s=0, **{name: taken})
     assert taken.read_text() == "mine"
+    with pytest.raises(InputError, match=f"--link = {taken} exists; choose another path, as it is no symbolic link"):
+        simulate("tactiles", for_s=0, link=taken, force=True)
+    assert taken.read_text() == "mine"
+
+
+def test_a_link_that_a_killed_board_left_is_overwritten_by_force_only(tmp_path, capsys) -> None:
+    from firmware_models.simulate import simulate
+    from haptics.errors import InputError
+
+    link, elsewhere = tmp_path / "port", tmp_path / "elsewhere"
+    elsewhere.write_text("mine")
+    for target in (tmp_path / "gone", elsewhere):
+        link.symlink_to(target)
+        with pytest.raises(InputError, match=rf"--link = {link} exists; .*\(--force\)"):
+            simulate("tactiles", for_s=0, link=link)
+        assert os.readlink(link) == str(target)
+        simulate("tactiles", for_s=0, link=link, force=True)
+        assert not link.is_symlink()
+    assert elsewhere.read_text() == "mine"
+    assert capsys.readouterr().out.count("/dev/") == 2

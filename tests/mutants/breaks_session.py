@@ -137,6 +137,12 @@ SESSION = [
             _PERMISSION,
         ),
         (
+            "pins stay out where arming again fails for the other board",
+            "a pin rests on a skin that touches nothing, and no board is armed that could withdraw it",
+            "    yield from _withdraw_pins(devices)\n    devices.drop_wishes()\n",
+            "    devices.drop_wishes()\n",
+        ),
+        (
             "takes a board that tests itself for armed",
             "the first drives are refused, and nobody knows why",
             "(yield Until(lambda name=name: devices.state_of(name) in ARMED_STATES, ARM_TIMEOUT_S))",

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
+import haptics
 from haptics.errors import HapticsError, InputError
 from haptics.link.framing import Deframer
 from haptics.link.messages import BY_TYPE, State
@@ -250,3 +251,17 @@ def test_a_script_ends_in_off_whatever_ended_it(error, monkeypatch):
         with pytest.raises(type(error)):
             script()
     assert [truth["state"] for truth in seen] in ([State.DISARMED], [State.DISCHARGING])
+
+
+def test_pins_are_withdrawn_before_an_arming_that_fails_for_the_other_board():
+    """No board is armed after it, so that nothing could withdraw them then, off neither."""
+    brake = "sim://brake?spread=0&faults=unplug_s=0.3"
+    with haptics.open(tactiles="sim://tactiles?spread=0", brake=brake, clock="virtual") as glove:
+        glove.arm()
+        glove.contact("index_tip")
+        glove.advance(0.5)
+        assert glove.state().pins_out == ("index_tip",)
+        with pytest.raises(HapticsError, match="the port went away"):
+            glove.arm()
+        assert glove.state().pins_out == ()
+        assert glove.devices.plant("tactiles").truth()["latched"].count("on") == 0

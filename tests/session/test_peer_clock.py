@@ -142,3 +142,14 @@ def test_a_jump_of_the_engines_clock_lets_go_and_is_told_and_the_hand_is_felt_ag
         kinds = [event.kind for event in session.events]
         assert kinds.count("clock_jump") == 1
         assert "grasp_begin" in kinds[kinds.index("clock_jump") :]
+
+
+def test_stamps_in_the_wrong_order_are_refused_or_dropped_and_teach_nothing():
+    peer = haptics.PeerClock()
+    with pytest.raises(haptics.InputError, match="arrived_ns = 50 lies before sent_ns = 100; both are on the glove's clock"):
+        peer.exchange(100, 5, 5, 50)
+    assert not peer.exchange(100, 5, 4, 150)  # answered before it was asked
+    assert not peer.exchange(0, 5, 10 * NS_PER_MS, 5 * NS_PER_MS)  # took longer to answer than the round trip lasted
+    assert not peer.known
+    assert peer.jumps == 0
+    assert peer.exchange(100, 5, 55, 150)

@@ -106,7 +106,7 @@ def _whole(
     for index in np.flatnonzero(there & ~whole).tolist():
         what, has = ("position", placed) if not placed[index, read].all() else ("orientation", oriented)
         lost = ", ".join(JOINTS[joint] for joint in read if not has[index, joint])
-        rows.reject(index, f": no {what} of {lost}; missing, or lost by the tracker")
+        rows.reject(index, f": no {what} of {lost}; missing, called otherwise, or lost")
     return np.flatnonzero(there & whole)
 
 

@@ -209,7 +209,7 @@ def test_points_alone_have_orientations_made_and_need_their_basis(load):
 
 NAN = float("nan")
 BAD = [
-    (lambda pose: pose["joints"].pop("ring_tip"), r"objects\[6\]: no position of ring_tip; missing, or lost by the tracker"),
+    (lambda pose: pose["joints"].pop("ring_tip"), r"objects\[6\]: no position of ring_tip; missing, called otherwise, or lost"),
     (lambda pose: pose["joints"].update(ring_tip=None), "no position of ring_tip"),
     (lambda pose: pose["joints"]["ring_tip"].update(position=[NAN, 0, 0]), "no position of ring_tip"),
     (lambda pose: pose["joints"]["ring_tip"].update(position=[0, float("inf"), 0]), "no position of ring_tip"),

@@ -135,7 +135,7 @@ def spoilt(text, line, column, value):
 @pytest.mark.parametrize(
     ("text", "line", "column", "value", "reason"),
     [
-        (wide(), 6, 9, "", r"line 8: no position of wrist; missing, or lost by the tracker"),
+        (wide(), 6, 9, "", r"line 8: no position of wrist; missing, called otherwise, or lost"),
         (wide(), 6, 9, "nan", "line 8: no position of wrist"),
         (wide(), 6, 9, "inf", "line 8: no position of wrist"),
         (wide(), 6, 9, "lost", "line 8: no position of wrist"),

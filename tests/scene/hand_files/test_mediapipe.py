@@ -206,5 +206,5 @@ def test_a_lost_landmark_costs_its_own_pose_only(load):
     lost = [*POINTS[:8], {"x": float("nan"), "y": 0.0, "z": 0.0}, *POINTS[9:]]
     found = load([python_task()] * 5 + [python_task(points=lost)] + [python_task()] * 4)
     (refused,) = found.refused
-    assert refused.reason == "objects[5].hand_world_landmarks[0]: no position of index_tip; missing, or lost by the tracker"
+    assert refused.reason == "objects[5].hand_world_landmarks[0]: no position of index_tip; missing, called otherwise, or lost"
     assert len(found.tracks[0]) == 9
