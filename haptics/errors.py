@@ -118,7 +118,7 @@ class LimitError(HapticsError):
 
 
 class GloveEnded(HapticsError):
-    """The glove is closed, or the thread that served it ended; the message says why."""
+    """The glove is closed, the thread that served it ended, or the session on it is over; the message says why."""
 
 
 class DeadManMissed(HapticsError):

@@ -288,6 +288,13 @@ class RenderLoop:
         """
         return self.world.body(name)
 
+    def scene_now(self) -> Scene:
+        """The scene with every object where it is now.
+
+        :return: another scene, see ``World.now``.
+        """
+        return self.world.now(self.scene)
+
     # Touch ----------------------------------------------------------------------------------------------------------
 
     def _apply(self, touches: list[Touch], pins: list[PinChange], now_ns: int, aimed_ns: int | None = None) -> None:

@@ -73,10 +73,10 @@ class World:
         self.scene.object(name).check_movable()
         self._bodies[name] = self._bodies[name].at(pose)
 
-    def scene_now(self, scene: Scene) -> Scene:
+    def now(self, scene: Scene) -> Scene:
         """A scene with every object where it is now; one with a path of its own where that begins.
 
-        :param scene: that one of the loops renders, which may be a change behind another one's.
+        :param scene: of one of the loops that share this world, which another one's scene may have left meanwhile.
         :return: another scene; the one given stays as it is.
         """
         for item in scene.objects:

@@ -33,7 +33,7 @@ from haptics.scene.patterns import REFRESH_HZ
 from haptics.scene.placement import InHand, place_at_palm, place_in_hand
 from haptics.scene.signals import BodySignals, Signal
 from haptics.scene.sites import SITES
-from haptics.units import an_instance, in_range, nearest, one_of
+from haptics.units import an_instance, brief, in_range, nearest, one_of
 
 
 @dataclass(frozen=True)
@@ -165,7 +165,7 @@ class Scene:
             if item.name == name:
                 return item
         known = (", ".join(self.names) or "none") + nearest(name, self.names)
-        raise InputError(f"object = {name!r} is not in scene {self.name!r}; its objects: {known}")
+        raise InputError(f"object = {brief(name)} is not in scene {self.name!r}; its objects: {known}")
 
     @property
     def effects(self) -> dict[str, tuple[Effect, ...]]:

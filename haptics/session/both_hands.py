@@ -16,7 +16,7 @@ from haptics.scene.objects import SceneObject
 from haptics.scene.scene import Scene
 from haptics.session.glove import Glove
 from haptics.session.session import Session
-from haptics.units import a_callable, an_instance, known_arguments
+from haptics.units import a_callable, an_instance, known_arguments, one_of
 
 
 class BothHands:
@@ -145,6 +145,5 @@ class BothHands:
 
     def _of(self, side: object) -> tuple[Session, Session]:
         """The session of a hand, and of the other one."""
-        if side not in SIDES:
-            raise InputError(f"side = {side!r}; expected left or right")
+        one_of("side", side, SIDES)
         return self.sessions[str(side)], self.sessions["left" if side == "right" else "right"]

@@ -299,7 +299,7 @@ class Devices:
     def begin(self, kind: Kind) -> Procedure:
         """Begin to arm, go off or clear faults; :meth:`follow` goes on with it. What was begun before is finished first.
 
-        Going off waits for nothing: what was begun and not finished is given up.
+        Going off waits for nothing: what was begun and not finished is given up, but for clearing, which goes on afterwards.
 
         :param kind: ``arm``, ``off``, ``clear`` or ``retire``.
         :return: the procedure: the one under way, where that is of this kind.
@@ -309,15 +309,15 @@ class Devices:
             return under_way
         if kind == "off":
             off = self._procedures[0] if self.doing == "off" else None
-            for procedure in [one for one in self._procedures if off is None or one.kind == "arm"]:
+            for procedure in [one for one in self._procedures if one.kind == "arm" or (off is None and one.kind != "clear")]:
                 procedure.cancel(f"{procedure.kind} was given up, as the glove was to go off")
                 self._procedures.remove(procedure)
             if off is not None:
                 return off
         steps = _STEPS[kind](self)
         procedure = Procedure(kind, steps)
-        self._procedures.append(procedure)
-        if len(self._procedures) == 1:
+        self._procedures.insert(0 if kind == "off" else len(self._procedures), procedure)
+        if self._procedures[0] is procedure:
             self._go_on()
         return procedure
 
@@ -410,11 +410,14 @@ class Devices:
         self.drop_wishes()
         return pendings
 
-    def permit(self) -> None:
-        """Every board that is needed is armed: their drivers may ask for energy."""
+    def permit(self, names: Collection[str]) -> None:
+        """Every board that is needed is armed: their drivers may ask for energy.
+
+        :param names: of these boards.
+        """
         self._news.wanted_armed = True
         self.times_armed += 1
-        self._permitted.update(self.to_arm())
+        self._permitted.update(names)
         if self.tactiles is not None and "tactiles" in self._permitted:
             self._take_over_heat(self.tactiles)
             self._set_tactiles(True)

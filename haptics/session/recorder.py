@@ -141,11 +141,13 @@ HAND_STREAMS = (
     ),
 )
 """What a glove driven by hand has besides: what became of its calls for brakes."""
+LONGEST_NAME = 400
+"""Bytes of the name that a recorded call is about."""
 LIVE_STREAMS = (
     _spec("loop", [], {}, "When the loop was ticked; with poses and calls, all that its decisions follow from."),
     _spec(
         "calls",
-        [("call", "S16"), ("name", "S200"), ("position_m", "f8", (3,)), ("orientation_xyzw", "f8", (4,))],
+        [("call", "S16"), ("name", f"S{LONGEST_NAME}"), ("position_m", "f8", (3,)), ("orientation_xyzw", "f8", (4,))],
         {"position_m": "m"},
         "Calls of a session that change what it renders, with the object, side or scene that they name.",
     ),
@@ -303,6 +305,7 @@ class Recorder(LinkRecorder):
         """
         if self.live:
             pose = pose or Pose()
+            name = name if len(name.encode()) <= LONGEST_NAME else ""  # a part of a path would name another file
             self.streams["calls"].append((now_ns, call, name, pose.position_m, pose.orientation_xyzw))
 
     def pose(self, now_ns: int, frame: HandFrame, accepted: bool) -> None:

@@ -13,6 +13,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from haptics.errors import InputError
 from haptics.recording.recording import Recording
 from haptics.rendering.events import LoopEvent
@@ -33,6 +35,8 @@ DECISIONS = (
     *("watchdog", "waiting", "resumed", "placed", "scene", "clock_jump"),
 )
 """Kinds of events that follow from what comes in alone."""
+LONGEST_NS = 24 * 3600 * NS_PER_S
+"""Of a session that is replayed."""
 SETTLING_NS = 100 * NS_PER_MS
 """A replay begins this long after its boards were armed."""
 _Input = tuple[int, int, Callable[[Session, int], Any]]
@@ -67,6 +71,7 @@ def replay_live(path: Path, recording: Recording) -> LiveReplay:
     :raises InputError: no session was recorded, or more than one; its scene was made by a program or has gone.
     """
     begun = _begun(path, recording)
+    _check_ticks(path, recording)
     configuration = check_configuration(recording.header["configuration"], f"configuration in {path}")
     scene = _scene(path, begun)
     calibration = recorded_calibration(path, begun)
@@ -94,6 +99,14 @@ def replay_live(path: Path, recording: Recording) -> LiveReplay:
         was, now = (one[first] if first < len(one) else "nothing" for one in (then, again))
         difference = f"recorded {was}; replayed {now}"
     return LiveReplay(str(path), scene.name, identical, len(then), len(again), difference)
+
+
+def _check_ticks(path: Path, recording: Recording) -> None:
+    ticks = recording.stream("loop")["time_ns"]
+    if len(ticks) and (int(ticks.min()) < 0 or int(ticks.max()) - int(ticks.min()) > LONGEST_NS or (np.diff(ticks) < 0).any()):
+        raise InputError(
+            f"{path} cannot be replayed: its stream loop holds no moments of ticks in order, within a day"
+        )
 
 
 def _begun(path: Path, recording: Recording) -> dict[str, Any]:
@@ -137,9 +150,13 @@ def _poses(recording: Recording, shift_ns: int) -> Iterator[_Input]:
 
 def _calls(recording: Recording, shift_ns: int) -> Iterator[_Input]:
     for row in recording.stream("calls"):
-        call, name = row["call"].decode(), row["name"].decode()
+        call, name = _text(row["call"]), _text(row["name"])
         pose = row["position_m"].tolist(), row["orientation_xyzw"].tolist()
         yield int(row["time_ns"]) + shift_ns, 1, lambda session, now_ns, c=call, n=name, p=pose: _call(session, now_ns, c, n, p)
+
+
+def _text(data: bytes) -> str:
+    return data.decode("utf-8", "backslashreplace")
 
 
 def _call(session: Session, now_ns: int, call: str, name: str, pose: tuple[list[float], list[float]]) -> None:
@@ -163,7 +180,7 @@ def _recorded(recording: Recording, start_ns: int) -> list[str]:
     rows = recording.stream("events")
     kinds = {kind.encode() for kind in DECISIONS}
     return [
-        _words(int(row["time_ns"]) - start_ns, *(row[name].decode() for name in ("kind", "subject", "object")))
+        _words(int(row["time_ns"]) - start_ns, *(_text(row[name]) for name in ("kind", "subject", "object")))
         for row in rows
         if row["kind"] in kinds and int(row["time_ns"]) >= start_ns
     ]

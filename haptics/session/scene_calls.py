@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from dataclasses import replace
 
@@ -18,7 +18,7 @@ from haptics.session.configuration import Configuration
 from haptics.session.devices import Devices
 from haptics.session.leads import device_leads
 from haptics.session.recorder import Recorder
-from haptics.time import LATEST_NS
+from haptics.time import LATEST_NS, NS_PER_S
 from haptics.units import an_instance, in_range, known_arguments, whole_number
 
 FARTHEST_M = 1000.0
@@ -36,7 +36,9 @@ class SceneCalls:
     _placing: LivePlacement | None
     _follows_needs: bool
     _last_ns: int
-    _turn: Callable[[], AbstractContextManager[object]]
+
+    def _turn(self) -> AbstractContextManager[object]:
+        raise NotImplementedError
 
     def _happened(self, event: LoopEvent) -> None:
         raise NotImplementedError
@@ -117,11 +119,11 @@ class SceneCalls:
         if not item.resolved:
             raise InputError(f"object {item.name!r} has no place in the world; one that is added needs placement = 'world'")
         with self._turn():
-            scene = self.loop.world.scene_now(self.loop.scene)
+            now_ns = self._came_ns(now_ns)
+            scene = self.loop.scene_now()
             more = replace(scene, objects=(*scene.objects, item))
             self._check_scene(more)
-            self._asked = replace(self._asked, objects=(*self._asked.objects, item))
-            now_ns = self._came_ns(now_ns)
+            self._ask(replace(self._asked, objects=(*self._asked.objects, item)))
             self._change(more, now_ns)
             self._called(now_ns, "add_object", item.name)
 
@@ -133,11 +135,11 @@ class SceneCalls:
         :raises InputError: no such object, or a rule of the scene is about it.
         """
         with self._turn():
-            self._asked.object(name)
-            scene = self.loop.world.scene_now(self.loop.scene)
-            left = replace(scene, objects=tuple(item for item in scene.objects if item.name != name))
-            self._asked = replace(self._asked, objects=tuple(item for item in self._asked.objects if item.name != name))
             now_ns = self._came_ns(now_ns)
+            self._asked.object(name)
+            scene = self.loop.scene_now()
+            left = replace(scene, objects=tuple(item for item in scene.objects if item.name != name))
+            self._ask(replace(self._asked, objects=tuple(item for item in self._asked.objects if item.name != name)))
             self._change(left, now_ns)
             self._called(now_ns, "remove_object", name)
 
@@ -152,18 +154,21 @@ class SceneCalls:
         an_instance("scene", scene, Scene, "from haptics.load_scene")
         self._check_scene(scene)
         with self._turn():
-            self._asked = scene
-            self._placing = LivePlacement(scene) if scene.unresolved else None
             now_ns = self._came_ns(now_ns)
+            self._ask(scene)
             self._change(scene.without_unresolved(), now_ns)
             self._called(now_ns, "change_scene", scene.origin)
 
     def _give_place(self, name: str, pose: Pose, now_ns: int) -> None:
         """An object that waited for a hand to place it is where the engine says."""
-        self._asked = self._asked.moved(name, pose)
-        scene = self.loop.world.scene_now(self.loop.scene)
-        self._placing = LivePlacement(self._asked) if self._asked.unresolved else None
+        self._ask(self._asked.moved(name, pose))
+        scene = self.loop.scene_now()
         self._change(replace(scene, objects=(*scene.objects, self._asked.object(name))), now_ns)
+
+    def _ask(self, scene: Scene) -> None:
+        """From now on this scene is to be rendered, and what has no place in it waits for the hand."""
+        self._asked = scene
+        self._placing = LivePlacement(scene) if scene.unresolved else None
 
     def _called(self, now_ns: int, call: str, name: str = "", pose: Pose | None = None) -> None:
         if self.recorder is not None:
@@ -200,5 +205,11 @@ class SceneCalls:
         return self.devices.now_ns() if value is None else whole_number(name, value, 0, LATEST_NS)
 
     def _came_ns(self, now_ns: int | None) -> int:
-        """When something came in: after the last tick, even where that was at the same moment, so that a replay has the order."""
-        return max(self._time("now_ns", now_ns), self._last_ns + 1)
+        """When something came in: after the last tick, even where that was at the same moment, so that a replay has the order.
+
+        Not ahead of the machine's own clock, or watchdogs would wait for that moment, too.
+        """
+        came_ns = self._time("now_ns", now_ns)
+        if now_ns is not None and self.devices.realtime and (ahead_ns := came_ns - self.devices.now_ns()) > 0:
+            raise InputError(f"now_ns = {came_ns} is {ahead_ns / NS_PER_S:.3g} s ahead of the glove's clock; leave it out")
+        return max(came_ns, self._last_ns + 1)

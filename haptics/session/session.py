@@ -7,12 +7,13 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import replace
 
 from haptics.devices import Refusal, Result
 from haptics.devices.sharing import SCENE
+from haptics.errors import GloveEnded
 from haptics.judging.truth import Truth
 from haptics.rendering.events import LoopEvent
 from haptics.rendering.loop import RenderLoop
@@ -120,6 +121,7 @@ class Session(SceneCalls):
         self.results: deque[Result] = deque(maxlen=kept)
         self.brake_results: deque[Result] = deque(maxlen=kept)
         self.events: deque[LoopEvent] = deque(maxlen=kept)
+        self._follows_needs = truth("follows_needs", follows_needs)
         self._sinks: list[Callable[[Result | LoopEvent], None]] = []
         self.leads = device_leads(configuration, scene)
         self.calibration = calibration_of(configuration, calibration)
@@ -141,18 +143,15 @@ class Session(SceneCalls):
             world=world,
         )
         devices.on_result(self._take_result)
-        self._follows_needs = truth("follows_needs", follows_needs)
-        if follows_needs:
-            devices.need(scene.needs.boards)
         self._times_armed = devices.times_armed
         self._last_ns = 0
-        self.begun = False
+        self.begun = self._over = False
         self._sampler = Sampler(devices, recorder, Truth.keeping(kept) if gathered is None else gathered)
         self.truth = self._sampler.truth
-        self._turn: Callable[[], AbstractContextManager[object]] = nullcontext
         if isinstance(glove, Glove):
-            self._turn = glove.turn
             glove.take_on(self)
+        if follows_needs:  # after a session that was here has let go of what it needed
+            devices.need(scene.needs.boards)
 
     def begin(self, start_ns: int | None = None) -> None:
         """Start the scene's own clock (motions, signals).
@@ -198,7 +197,7 @@ class Session(SceneCalls):
             if self._placing is not None and self.loop.frame is frame:
                 placed = self._placing.observe(frame)
                 if placed is not None:
-                    self._put_in_place(placed, now_ns)
+                    self._put_in_place(self.loop.world.now(placed), now_ns)
             if self.recorder is not None and ill_formed(frame) is None:  # what has no row in the recording is an event there
                 self.recorder.pose(now_ns, frame, reason is None)
             return reason
@@ -259,19 +258,22 @@ class Session(SceneCalls):
     def end(self) -> None:
         """The scene is over: let go of everything. The glove stays armed, and may be driven by hand or by another session."""
         with self._any_turn():
+            if self._over:
+                return
             now_ns = self.devices.now_ns()
             self.loop.hand_gone(now_ns)
             self._observe(now_ns, last=True)
             self.leave()
-            if self._follows_needs:
-                self.devices.need(("tactiles", "brake"))
             if isinstance(self.glove, Glove):
                 self.glove.let_go_of(self)
 
     def leave(self) -> None:
-        """Let go of everything, and collect nothing more: the scene is over, or another session takes its place."""
+        """Let go of everything, and neither ask nor collect any more: the scene is over, or another session takes its place."""
+        self._over = True
         self.loop.hand_gone(self.devices.now_ns())
         self.devices.no_more_results(self._take_result)
+        if self._follows_needs:
+            self.devices.need(("tactiles", "brake"))
 
     def _watch_arming(self, now_ns: int) -> None:
         """Devices that were armed anew have forgotten what they did; so does the loop."""
@@ -340,6 +342,16 @@ class Session(SceneCalls):
         """
         with self._any_turn():
             return self._sampler.look()
+
+    @contextmanager
+    def _turn(self) -> Iterator[object]:
+        """A turn of a session that still has the glove: what it asks for is asked of the one that took its place otherwise."""
+        with nullcontext() if isinstance(self.glove, Devices) else self.glove.turn():
+            if self._over:
+                raise GloveEnded(
+                    "this session has ended, or another one took its place on the glove; make another haptics.Session"
+                )
+            yield
 
     def _any_turn(self) -> AbstractContextManager[object]:
         """A turn even where the glove has gone off by itself."""

@@ -5,7 +5,7 @@ A procedure is a generator that yields what it waits for. ``Devices`` goes on wi
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Collection, Generator
 from typing import Any, Literal, NamedTuple, Protocol
 
 from haptics.devices import BrakeDriver, TactilesDriver
@@ -51,7 +51,7 @@ class Switched(Protocol):
 
     def stop_all(self) -> list[Pending]: ...
 
-    def permit(self) -> None: ...
+    def permit(self, names: Collection[str]) -> None: ...
 
     def permits(self, name: str) -> bool: ...
 
@@ -141,21 +141,24 @@ def arming(devices: Switched) -> Steps:
                 state = devices.state_of(name)
                 seen = "nothing" if state is None else State(state).name.lower()
                 raise LimitError(f"{name}: did not reach the armed state within {ARM_TIMEOUT_S:g} s; it reports {seen}")
-        _check_obey(devices, "while the other board armed")
-        devices.permit()
+        needed = [name for name in links if name in devices.to_arm()]  # a change of scene may have come in between
+        for name in links.keys() - needed:
+            links[name].stop(devices.now_ns())
+        _check_obey(devices, needed, "while the other board armed")
+        devices.permit(needed)
         array = devices.tactiles
         if array is not None and devices.permits("tactiles"):
             array.withdraw_all(devices.now_ns())
             yield Until(devices.pins_settled, OFF_TIMEOUT_S)
-            _check_obey(devices, "while pins were withdrawn")
+            _check_obey(devices, needed, "while pins were withdrawn")
             devices.note_pins_out()
     except HapticsError:
         yield from going_off(devices)
         raise
 
 
-def _check_obey(devices: Switched, when: str) -> None:
-    for name in devices.to_arm():
+def _check_obey(devices: Switched, names: Collection[str], when: str) -> None:
+    for name in names:
         if not devices.obeys(name):
             raise LimitError(f"{name}: disarmed itself {when}")
 

@@ -157,7 +157,7 @@ SESSION = [
         (
             "a board that disarms while pins are withdrawn goes unnoticed",
             "half a glove is armed, and the script goes on",
-            '            _check_obey(devices, "while pins were withdrawn")\n',
+            '            _check_obey(devices, needed, "while pins were withdrawn")\n',
             "",
             f"{_GLOVE} {_SWITCHING}",
         ),

@@ -319,3 +319,44 @@ def test_a_pin_that_somebody_wants_out_while_others_are_withdrawn_is_not_called_
     glove.advance(0.05)
     assert glove.state().pins_out == ("palm_outer",)
     assert glove.state().notes == ()
+
+
+def test_clearing_under_way_goes_on_once_the_glove_went_off_again(glove):
+    clearing = glove.devices.begin("clear")
+    off = glove.devices.begin("off")
+    assert not clearing.done
+    glove.devices.finish(off)
+    glove.devices.finish(clearing)  # raises what it failed with
+
+
+def test_off_from_many_threads_at_once_ends_in_each_of_them():
+    failed: list[BaseException] = []
+
+    def turn_off(glove: Glove) -> None:
+        try:
+            for _ in range(10):
+                glove.off()
+        except HapticsError as error:
+            failed.append(error)
+
+    with haptics.open(tactiles="sim://tactiles", brake="sim://brake") as glove:
+        threads = [threading.Thread(target=turn_off, args=(glove,)) for _ in range(4)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join(30.0)
+    assert failed == []
+
+
+@pytest.mark.parametrize(("before", "after"), [(["tactiles"], BOARDS), (BOARDS, ["tactiles"])])
+def test_what_is_needed_may_change_while_the_glove_arms(glove, before, after):
+    glove.devices.need(before)
+    arming = glove.begin_arming()
+    glove.advance(0.001)
+    assert not arming.done
+    glove.devices.need(after)
+    glove.advance(1.0)
+    assert arming.done
+    assert arming.error is None
+    assert glove.state().armed == ("tactiles",)  # of those needed now, what the arming had begun with
+    assert states(glove)[1] == State.DISARMED

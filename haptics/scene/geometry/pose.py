@@ -149,5 +149,5 @@ def _numbers(name: str, values: Sequence[float], count: int) -> tuple[float, ...
     except (TypeError, ValueError) as error:
         raise InputError(f"{name} = {brief(values)}; expected {count} finite numbers") from error
     if len(numbers) != count or not all(math.isfinite(number) for number in numbers):
-        raise InputError(f"{name} = {list(numbers)}; expected {count} finite numbers")
+        raise InputError(f"{name} = {brief(list(numbers))}; expected {count} finite numbers")
     return numbers
