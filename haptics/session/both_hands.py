@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
+from dataclasses import replace
 from typing import Any
 
 from haptics.devices import Result
@@ -12,6 +13,7 @@ from haptics.rendering.events import LoopEvent
 from haptics.rendering.resuming import Resume
 from haptics.scene.hands.frame import HandFrame
 from haptics.scene.hands.joints import SIDES, Side
+from haptics.scene.live_placement import LivePlacement
 from haptics.scene.objects import SceneObject
 from haptics.scene.scene import Scene
 from haptics.session.glove import Glove
@@ -42,6 +44,7 @@ class BothHands:
                 seen = f"is configured with side = {glove.configuration.side!r}"
                 raise InputError(f"{side}: this glove {seen}; give it as that hand's, or configure {side!r} or 'auto'")
         self._gloves = (left, right)
+        self._asked = scene
         self.sessions: dict[str, Session] = {}
         for side, glove in zip(SIDES, (left, right), strict=True):
             configuration = glove.configuration.model_copy(update={"side": side})
@@ -66,6 +69,18 @@ class BothHands:
         if waited and not mine.waits_for and other.waits_for:
             other.change_scene(mine.scene)
         return reason
+
+    def place(self, side: Side) -> None:
+        """Place the scene by a hand as it is now, for the first time or anew (recentre); see ``Session.place``.
+
+        :param side: of that hand.
+        :raises InputError: no such side; that hand is not there, or closed where an object is to be in it.
+        """
+        frame = self._of(side)[0].loop.frame
+        if frame is None:
+            raise InputError(f"there is no {side} hand to place the scene by; submit its poses first")
+        placed = LivePlacement(self._asked).place(frame)
+        self._each(lambda session: session.change_scene(placed))
 
     def hand_gone(self, side: Side) -> None:
         """A hand is not there any more.
@@ -103,6 +118,7 @@ class BothHands:
         :raises InputError: likewise.
         """
         self._each(lambda session: session.add_object(item))
+        self._asked = replace(self._asked, objects=(*self._asked.objects, item))
 
     def remove_object(self, name: str) -> None:
         """Take an object out of the scene.
@@ -111,6 +127,7 @@ class BothHands:
         :raises InputError: likewise.
         """
         self._each(lambda session: session.remove_object(name))
+        self._asked = replace(self._asked, objects=tuple(item for item in self._asked.objects if item.name != name))
 
     def change_scene(self, scene: Scene) -> None:
         """Go on with another scene.
@@ -119,6 +136,7 @@ class BothHands:
         :raises InputError: likewise.
         """
         self._each(lambda session: session.change_scene(scene))
+        self._asked = scene
 
     def subscribe(self, sink: Callable[[str, Result | LoopEvent], None]) -> None:
         """Hand on every result and event of both hands.

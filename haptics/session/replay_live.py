@@ -104,9 +104,7 @@ def replay_live(path: Path, recording: Recording) -> LiveReplay:
 def _check_ticks(path: Path, recording: Recording) -> None:
     ticks = recording.stream("loop")["time_ns"]
     if len(ticks) and (int(ticks.min()) < 0 or int(ticks.max()) - int(ticks.min()) > LONGEST_NS or (np.diff(ticks) < 0).any()):
-        raise InputError(
-            f"{path} cannot be replayed: its stream loop holds no moments of ticks in order, within a day"
-        )
+        raise InputError(f"{path} cannot be replayed: its stream loop holds no moments of ticks in order, within a day")
 
 
 def _begun(path: Path, recording: Recording) -> dict[str, Any]:

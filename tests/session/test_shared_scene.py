@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 import haptics
@@ -130,3 +131,25 @@ def test_a_name_that_is_not_there_is_told_with_all_that_there_are_also_those_wit
     for call in (lambda: session.move_object("bal", (0.0, 1.0, 0.0)), lambda: session.remove_object("bal")):
         with pytest.raises(InputError, match="'bal' is not in scene 'room'; its objects: ball, door; did you mean ball"):
             call()
+
+
+def test_either_hand_places_the_scene_for_both_and_anew(room, gloves):
+    both = haptics.BothHands(room, *gloves)
+    both.begin()
+    both.add_object(cup())
+    with pytest.raises(InputError, match="there is no right hand to place the scene by"):
+        both.place("right")
+    open_hand = next(haptics.load_hand("synthetic").frames("right"))
+    along_m = []
+    for shift_m in (0.0, 0.3):
+        now_ns = max(session.devices.now_ns() for session in both.sessions.values()) + 200_000_000
+        both.tick(now_ns)
+        frame = replace(open_hand, time_ns=now_ns, position_m=open_hand.position_m + np.array((shift_m, 0.0, 0.0)))
+        assert both.submit(frame) is None
+        both.place("right")
+        assert seen(both) == [("ball", "door", "cup")] * 2
+        balls = [session.loop.body("ball").pose.position_m for session in both.sessions.values()]
+        assert balls[0] == balls[1]
+        along_m.append(balls[0][0])
+    assert along_m[1] - along_m[0] == pytest.approx(0.3)
+    assert [session.waits_for for session in both.sessions.values()] == ["", ""]
