@@ -53,6 +53,8 @@ class Devices:
     :param wire_tap: called with port name, time (ns), direction (True: to the board) and bytes.
     :param limit_pulses: boards are configured with the configuration's limits on pulse length and heat, too. A bench that warms
         coils on purpose, and watches them, leaves these two as the board has them.
+    :param withdraw_pins: arming withdraws every pin that may be out. A bench whose coils are to start cold does without, and
+        takes its pins for in.
     :raises InputError: a real port in virtual time.
     :raises LinkError: a port or board that cannot be used; what was opened is closed again.
 
@@ -77,6 +79,7 @@ class Devices:
         simulate: Mapping[str, Mapping[str, object]] | None = None,
         wire_tap: WireTap | None = None,
         limit_pulses: bool = True,
+        withdraw_pins: bool = True,
     ):
         seed = whole_number("seed", seed, 0, 2**32 - 1)
         self.realtime = realtime = truth("realtime", realtime)
@@ -84,6 +87,7 @@ class Devices:
         self.links: dict[str, Link] = {}
         self._reopening: list[Reopening] = []
         self._news = BoardNews()
+        withdraw_pins = truth("withdraw_pins", withdraw_pins)
         self.faults, self.notes = self._news.faults, self._news.notes
         self.latched, self.telemetry = self._news.latched, self._news.telemetry
         self._result_sinks: list[Callable[[int, Result | Refusal], None]] = []
@@ -118,6 +122,8 @@ class Devices:
             if tactiles is not None:
                 self.tactiles, self._coils, notes = opening.tactiles(self.links["tactiles"])
                 self.notes += notes
+                if not withdraw_pins:
+                    self.tactiles.take_pins_for_in()
                 self.shared_tactiles = SharedTactiles(self.tactiles)
             if brake is not None:
                 self.brakes = opening.brakes(self.links["brake"])

@@ -74,6 +74,7 @@ class Bench(BoardOnBench):
                 seed=options.seed,
                 wire_tap=self._record.wire,
                 limit_pulses=False,
+                withdraw_pins=False,
             )
             self._exits.push(self._close)
             self.glove.on_event(self._take)
