@@ -52,7 +52,7 @@ def ticking(at: int) -> None:
     original, ticks = Devices.follow, [0]
 
     def follow(self: Devices, to_ns: int) -> None:
-        ticks[0] += self._wanted_armed
+        ticks[0] += self._news.wanted_armed
         if ticks[0] == at:
             ticks[0] += 1
             say("armed")
