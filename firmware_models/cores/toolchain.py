@@ -14,8 +14,8 @@ import tempfile
 from functools import cache
 from pathlib import Path
 
-from haptics.cache import cache_folder
 from haptics.errors import InputError
+from haptics.folders import cache_folder
 from haptics.units import one_of
 
 FIRMWARE = Path(__file__).parents[1] / "firmware"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from haptics.errors import InputError
-from haptics.fidelity import Plan
+from haptics.fidelity import DEFAULT_BUDGET, DEFAULT_TOLERANCE_JND, Plan, plan_scene
 from haptics.link.ports import check_board_port
 from haptics.scene.scene import Scene
 from haptics.session.configuration import BrakeConfiguration, Configuration, TactilesConfiguration
@@ -28,6 +28,27 @@ def with_ports(configuration: Configuration, tactiles: str | None, brake: str | 
         name: getattr(configuration, name).model_copy(update={"port": url}) for name, url in parts.items() if url is not None
     }
     return configuration.model_copy(update=changed)
+
+
+def plan_for(
+    scene: Scene,
+    configuration: Configuration,
+    tolerance_jnd: float = DEFAULT_TOLERANCE_JND,
+    budget_s_per_s: float = DEFAULT_BUDGET,
+    levels: dict[str, str] | None = None,
+) -> Plan:
+    """The plan of a scene on a glove.
+
+    :param scene: placed or not.
+    :param configuration: of the glove: brakes have its volts.
+    :param tolerance_jnd: see ``plan_scene``.
+    :param budget_s_per_s: likewise.
+    :param levels: likewise.
+    :return: which model each device has.
+    :raises InputError: see ``plan_scene``.
+    """
+    volts = configuration.brake.amplitude_v if scene.needs.brakes else None
+    return plan_scene(scene, tolerance_jnd, budget_s_per_s, levels, volts)
 
 
 def open_planned(

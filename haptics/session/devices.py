@@ -176,8 +176,9 @@ class Devices:
                 self._news.take(name, event)
             if name in self._permitted and not self.obeys(name):
                 self._forbid(name)
+        now_ns = self.now_ns()
         for reopening in self._reopening:
-            reopening.step(self.now_ns())
+            reopening.step(now_ns)
         if self._procedures:
             self._go_on()
 
@@ -377,13 +378,6 @@ class Devices:
         except BaseException:  # the one who waits is interrupted
             procedure.cancel("going off was cut short; every board was stopped")
             raise
-
-    def clear_faults(self) -> None:
-        """Boards that are off clear what has latched, where its cause is gone; what stays, arming names, and :attr:`latched`.
-
-        For a person to ask for: nothing does it by itself.
-        """
-        self.finish(self.begin("clear"))
 
     def need(self, names: Collection[str]) -> None:
         """Say which boards are of use from now on: arming arms no others, and one that is armed and of no use any more goes off.

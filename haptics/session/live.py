@@ -7,12 +7,11 @@ from contextlib import contextmanager
 from os import PathLike
 from typing import Literal
 
-from haptics.fidelity import Plan, plan_scene
 from haptics.rendering.resuming import Resume
 from haptics.scene.calibration.hand_calibration import HandCalibration
 from haptics.scene.library import load_scene
 from haptics.scene.scene import Scene
-from haptics.session.composition import open_planned, with_ports
+from haptics.session.composition import open_planned, plan_for, with_ports
 from haptics.session.configuration import Configuration, load_configuration
 from haptics.session.glove import Glove
 from haptics.session.glove_recording import GloveRecording
@@ -70,7 +69,7 @@ def live(
     recording = None if record is None else GloveRecording(file_path("record", record), truth("force", force))
     configuration = config if isinstance(config, Configuration) else load_configuration(config)
     configuration = with_ports(configuration, tactiles, brake)
-    plan = plan_of_live(scene, configuration)
+    plan = plan_for(scene, configuration)
     devices = open_planned(
         scene,
         plan,
@@ -87,14 +86,3 @@ def live(
             glove.arm()
         yield session
         session.end()
-
-
-def plan_of_live(scene: Scene, configuration: Configuration) -> Plan:
-    """The plan of a scene in real time.
-
-    :param scene: placed or not.
-    :param configuration: of the glove.
-    :return: which devices there are.
-    :raises InputError: see ``plan_scene``.
-    """
-    return plan_scene(scene, amplitude_v=configuration.brake.amplitude_v if scene.needs.brakes else None)

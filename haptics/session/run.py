@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from haptics.ends import orderly, unbroken
-from haptics.fidelity import DEFAULT_BUDGET, DEFAULT_TOLERANCE_JND, Plan, plan_scene
+from haptics.fidelity import DEFAULT_BUDGET, DEFAULT_TOLERANCE_JND
 from haptics.judging.truth import Truth
 from haptics.recording import load, write_picture, write_rrd
 from haptics.recording.ending import finish, keep
@@ -26,7 +26,7 @@ from haptics.scene.hands.motion import judge_motion
 from haptics.scene.hands.recording import HandRecording
 from haptics.scene.scene import Scene
 from haptics.session.arrivals import arrivals_of
-from haptics.session.composition import EarlyWire, open_planned, with_outputs, with_ports
+from haptics.session.composition import EarlyWire, open_planned, plan_for, with_outputs, with_ports
 from haptics.session.configuration import Configuration
 from haptics.session.devices import Devices
 from haptics.session.heard import Heard
@@ -108,7 +108,7 @@ def run_scene(scene_name: str, hand_source: str, configuration: Configuration, o
     placed = scene.placed_for(recording, side)
     if placed.slow_notice is not None:
         print(f"note: {placed.slow_notice}", file=sys.stderr, flush=True)
-    plan = plan_of(placed, configuration, options)
+    plan = plan_for(placed, configuration, options.tolerance_jnd, options.budget_s_per_s, options.levels)
     out = options.out or Path(f"{scene.name}-{time.strftime('%Y%m%d-%H%M%S')}.h5")
     _check_outputs(out, hand_source, scene_name, options)
     glove_brakes = with_outputs(configuration.brake, placed).channels if plan.builds("brake") or plan.builds("piezo") else ()
@@ -186,24 +186,6 @@ def _make_safe(glove: Devices, recorder: Recorder | None) -> None:
             glove.off()
         finally:
             glove.close()
-
-
-def plan_of(scene: Scene, configuration: Configuration, options: RunOptions) -> Plan:
-    """The plan of a run.
-
-    :param scene: placed.
-    :param configuration: of the glove.
-    :param options: levels, tolerance and budget.
-    :return: which model each device has.
-    :raises InputError: see ``plan_scene``.
-    """
-    return plan_scene(
-        scene,
-        options.tolerance_jnd,
-        options.budget_s_per_s,
-        options.levels,
-        configuration.brake.amplitude_v if scene.needs.brakes else None,
-    )
 
 
 def _play(

@@ -7,13 +7,14 @@ from contextlib import AbstractContextManager
 from dataclasses import replace
 
 from haptics.errors import InputError
-from haptics.fidelity import Plan, plan_scene
+from haptics.fidelity import Plan
 from haptics.rendering.events import LoopEvent
 from haptics.rendering.loop import RenderLoop
 from haptics.scene.geometry.pose import Pose
 from haptics.scene.live_placement import LivePlacement
 from haptics.scene.objects import SceneObject
 from haptics.scene.scene import Scene
+from haptics.session.composition import plan_for
 from haptics.session.configuration import Configuration
 from haptics.session.devices import Devices
 from haptics.session.leads import device_leads
@@ -43,6 +44,9 @@ class SceneCalls:
     def _happened(self, event: LoopEvent) -> None:
         raise NotImplementedError
 
+    def _tell_events(self) -> None:
+        raise NotImplementedError
+
     @property
     def scene(self) -> Scene:
         """What is rendered now: the scene, without objects that have no place yet."""
@@ -55,8 +59,7 @@ class SceneCalls:
 
         :return: the plan.
         """
-        volts = self.configuration.brake.amplitude_v if self._asked.needs.brakes else None
-        return plan_scene(self._asked, amplitude_v=volts)
+        return plan_for(self._asked, self.configuration)
 
     @property
     def waits_for(self) -> str:
@@ -184,8 +187,7 @@ class SceneCalls:
         self.loop.change_scene(scene, self.leads, now_ns)
         if self._follows_needs:
             self.devices.need(self._asked.needs.boards)
-        for event in self.loop.take_events():
-            self._happened(event)
+        self._tell_events()
         self._happened(LoopEvent(now_ns, "scene", "", "", f"{scene.name}: {', '.join(scene.names) or 'no objects'}"))
 
     def _check_scene(self, scene: Scene) -> None:

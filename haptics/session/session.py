@@ -250,19 +250,19 @@ class Session(SceneCalls):
         if self.recorder is not None:
             self.recorder.looped(now_ns)
         self.loop.tick(now_ns)
-        for event in self.loop.take_events():
-            self._happened(event)  # what was wanted, before what came of it
+        self._tell_events()  # what was wanted, before what came of it
         self.devices.tick(now_ns)
-        self._observe(now_ns)
+        self._sampler.due(now_ns)
+        if self.recorder is not None:
+            self.recorder.acknowledge(now_ns)
 
     def end(self) -> None:
         """The scene is over: let go of everything. The glove stays armed, and may be driven by hand or by another session."""
         with self._any_turn():
             if self._over:
                 return
-            now_ns = self.devices.now_ns()
-            self.loop.hand_gone(now_ns)
-            self._observe(now_ns, last=True)
+            self.loop.hand_gone(self.devices.now_ns())
+            self.settle()
             self.leave()
             if isinstance(self.glove, Glove):
                 self.glove.let_go_of(self)
@@ -292,18 +292,16 @@ class Session(SceneCalls):
 
     def settle(self) -> None:
         """Collect what came out after the last tick, while the glove went off."""
-        self._observe(self.devices.now_ns(), last=True)
-
-    def _observe(self, now_ns: int, last: bool = False) -> None:
+        now_ns = self.devices.now_ns()
         self.devices.hand_on_results()
-        for event in self.loop.take_events():
-            self._happened(event)
-        if last:
-            self._sampler.sample(now_ns)
-        else:
-            self._sampler.due(now_ns)
+        self._tell_events()
+        self._sampler.sample(now_ns)
         if self.recorder is not None:
             self.recorder.acknowledge(now_ns)
+
+    def _tell_events(self) -> None:
+        for event in self.loop.take_events():
+            self._happened(event)
 
     def _take_result(self, now_ns: int, one: Result | Refusal) -> None:
         if isinstance(one, Refusal):

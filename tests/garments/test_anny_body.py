@@ -30,7 +30,7 @@ PEOPLE = [
 @pytest.fixture(scope="module", autouse=True)
 def own_cache(tmp_path_factory):
     """Bodies are made here; the 0.8 GB that anny prepares stay where they are, for making them takes minutes."""
-    from haptics.cache import cache_folder
+    from haptics.folders import cache_folder
 
     with pytest.MonkeyPatch.context() as patch:
         import os

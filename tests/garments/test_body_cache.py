@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from haptics.cache import cache_folder
+from haptics.folders import cache_folder
 from haptics.garments.bodies.cache import kept
 
 

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import itertools
-
 import numpy as np
 import pytest
 from cores import CORES
 
 import haptics
-from firmware_models import world as worlds
 from haptics.scene.sites import SITES
 
-_names = itertools.count()
 CORNERS = [f"tau_s={tau}&c_k_per_w={c}&resistance_ohm={ohm}" for tau in (97, 107) for c in (59, 79) for ohm in (1.28, 1.48)]
 
 
@@ -162,15 +158,6 @@ def test_where_a_board_was_built_stricter_its_limits_hold_and_a_note_says_so(tmp
 
 
 # Hosts after hosts on one board.
-
-
-@pytest.fixture
-def world():
-    """A world that lives on while hosts come and go: its name, and the world itself."""
-    name = f"heat-{next(_names)}"
-    entered = worlds.enter(name, "virtual")
-    yield name, entered
-    worlds.leave(name, entered)
 
 
 def url_in(name: str, device: str = CORNERS[-2], core: str = "py") -> str:

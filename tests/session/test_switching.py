@@ -18,15 +18,6 @@ _names = itertools.count()
 BOARDS = ("tactiles", "brake")
 
 
-@pytest.fixture
-def world():
-    """A world that lives on while hosts come and go: its name, and the world itself."""
-    name = f"switching-{next(_names)}"
-    entered = worlds.enter(name, "virtual")
-    yield name, entered
-    worlds.leave(name, entered)
-
-
 def host(name: str) -> Glove:
     tactiles, brake = (f"sim://{board}?world={name}&spread=0" for board in BOARDS)
     return haptics.open(tactiles=tactiles, brake=brake, clock="virtual")

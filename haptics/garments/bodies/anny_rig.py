@@ -13,9 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from haptics.cache import cache_folder
 from haptics.errors import InputError
 from haptics.extras import install
+from haptics.folders import cache_folder
 from haptics.garments.bodies.bending import rotation, smooth_step
 from haptics.garments.bodies.body import PARTS
 from haptics.garments.bodies.motions import ARM_DIRECTION, JOINTS, LEG_DIRECTION

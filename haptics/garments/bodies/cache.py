@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from haptics.cache import cache_folder
+from haptics.folders import cache_folder
 
 Arrays = dict[str, NDArray[Any]]
 

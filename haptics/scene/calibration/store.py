@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from haptics.config_folder import config_folder
 from haptics.errors import HapticsError, InputError, nearest
+from haptics.folders import config_folder
 from haptics.recording.output import replacing
 from haptics.scene.calibration.hand_calibration import HandCalibration, check_name
 from haptics.table_faults import line_of, read_toml

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from haptics.config_folder import config_folder
 from haptics.errors import HapticsError, InputError
+from haptics.folders import config_folder
 from haptics.scene.calibration.hand_calibration import HandCalibration
 from haptics.scene.calibration.store import (
     calibrations_folder,
